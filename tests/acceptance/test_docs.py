@@ -210,7 +210,10 @@ def test_the_tube_from_nastran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         2.1e11 / 7850.0 * inertia_by_area)  # fmt: skip
     np.testing.assert_allclose(names["hertz"], np.repeat(hertz, 2), rtol=1e-5)
     assert names["small"].error.max() < 0.05
-    assert names["contacts"].peak_force.min() > 0.0
+    contacts, last = names["contacts"], names["last"]
+    assert 11 <= last.sum() <= 13
+    assert contacts.peak_force[last].mean() == pytest.approx(105.0, rel=0.02)
+    assert (contacts.stop - contacts.start)[last].mean() == pytest.approx(0.012, rel=0.02)
     assert (tmp_path / "tube.unv").stat().st_size > 100_000
 
 

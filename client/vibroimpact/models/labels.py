@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from vibroimpact.models.model import DIRECTIONS, Label
+from vibroimpact.models.model import Label
+from vibroimpact.models.motion_files import DIRECTIONS
 from vibroimpact_schema.matrix_market import LOST
 
 _PLAIN: Final[Mapping[str, str]] = {

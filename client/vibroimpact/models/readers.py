@@ -39,7 +39,8 @@ from vibroimpact.models import (
     text_files,
 )
 from vibroimpact.models.labels import Content, Nodes, chosen, meaning, of_file
-from vibroimpact.models.model import DIRECTIONS, ROUNDING, Label, Model
+from vibroimpact.models.model import ROUNDING, Label, Model
+from vibroimpact.models.motion_files import DIRECTIONS
 
 READERS: Final[Mapping[str, Callable[[bytes], Content]]] = {
     ".npz": array_files.npz,
@@ -145,13 +146,13 @@ def read_model(
             raise ValueError(f"{name}={given!r} is no file and no matrix of the others: {have}")
     files += [_read(Path(path), name, names) for name, path in matrices.items()
               if name not in by_name]  # fmt: skip
-    together, rows = _together(_once_each(files))
+    together, own = _together(_once_each(files))
     missing = {"M", "K"} - set(together)
     if missing:
         raise ValueError(f"{' and '.join(sorted(missing))} missing; there are {list(together)}")
     C = _damping(together, structural_at, files)
     known = _nodes(coordinates, nodes)
-    rows = _labels(labels, rows, known, together["K"].shape[0])
+    rows = _labels(labels, own, known, together["K"].shape[0])
     model = Model(
         together["M"], together["K"], C, rows, known.coordinates, units, rounding, symmetrize,
         known.elements,
