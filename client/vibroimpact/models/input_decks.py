@@ -58,7 +58,7 @@ def nodes(data: bytes) -> Nodes:
         elif keyword == "ELEMENT":
             _element(deck, text, options, number)
         elif keyword == "NSET":
-            _members(deck, text, options, number)
+            _listed(deck, text, options, number)
         elif keyword == "BOUNDARY" and not options.keys() & {"AMPLITUDE", "SUBMODEL"}:
             _boundary(deck, text, number)
     if not deck.place:
@@ -108,7 +108,7 @@ def _element(deck: _Deck, text: str, options: dict[str, str], line: int) -> None
             return
 
 
-def _members(deck: _Deck, text: str, options: dict[str, str], line: int) -> None:
+def _listed(deck: _Deck, text: str, options: dict[str, str], line: int) -> None:
     nodes_of_set = deck.sets.setdefault(options.get("NSET", ""), set())
     words = [word.strip() for word in text.split(",") if word.strip()]
     if "GENERATE" in options:
