@@ -71,12 +71,28 @@ from vibroimpact.systems import (
 )
 
 if TYPE_CHECKING:
-    from vibroimpact.models import Model, Reduction, condense, read_model, reduce
+    from vibroimpact.models import (
+        Model,
+        Nodes,
+        Reduction,
+        condense,
+        read_model,
+        read_nodes,
+        reduce,
+    )
 
 
 def __getattr__(name: str) -> Any:
     """Load what needs scipy when it is first used."""
-    if name not in ("Model", "Reduction", "condense", "read_model", "reduce"):
+    if name not in (
+        "Model",
+        "Nodes",
+        "Reduction",
+        "condense",
+        "read_model",
+        "read_nodes",
+        "reduce",
+    ):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from vibroimpact import models
 
@@ -107,6 +123,7 @@ __all__ = [
     "Model",
     "NaturalFrequencies",
     "NeglectedWarning",
+    "Nodes",
     "NotFound",
     "PeriodicMotions",
     "Plan",
@@ -142,6 +159,7 @@ __all__ = [
     "oscillator",
     "periodic_motions_request",
     "read_model",
+    "read_nodes",
     "reduce",
     "resonances_request",
     "sampled",

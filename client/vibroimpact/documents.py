@@ -1109,6 +1109,7 @@ class Units(TypedDict):
 
     length: str
     mass: str
+    """Also composed ones, such as "lbf s2/in"."""
     time: str
 
 

@@ -144,11 +144,17 @@ class Constraint(Document):
 Constraints = Annotated[list[Constraint], Field(fail_fast=True)]
 
 
+_UNIT_OF_MASS: Final = r"^[A-Za-zµ°]{1,16}[1-4]?([ /][A-Za-zµ°]{1,16}[1-4]?){0,3}$"
+"""Symbols with powers: a space multiplies, a stroke divides by the next one."""
+
+
 class Units(Document):
     """The consistent set of units of the numbers."""
 
     length: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["m"])
-    mass: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["kg"])
+    mass: Annotated[str, Field(pattern=_UNIT_OF_MASS)] = Field(
+        examples=["kg"], description='Also composed ones, such as "lbf s2/in".'
+    )
     time: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["s"])
 
 

@@ -18,6 +18,7 @@ import scipy.linalg
 
 import vibroimpact as vi
 from tests.acceptance.conftest import Service
+from tests.client import program_files
 
 mpl.use("Agg")
 ROOT = Path(__file__).parents[2]
@@ -181,6 +182,39 @@ def test_the_page_on_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert names["bands"].start.size > 0
     names["result"].close()
     names["bands"].close()
+
+
+def test_the_shaken_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = _run("docs/stories/frame.md")
+    K, M = np.array([[41e6, -17e6], [-17e6, 17e6]]), np.diag([24000.0, 18000.0])
+    hertz = np.sqrt(scipy.linalg.eigvalsh(K, M)) / (2 * np.pi)
+    np.testing.assert_allclose(names["hertz"], hertz, rtol=1e-10)
+    contacts, hardest = names["contacts"], names["hardest"]
+    assert len(contacts.start) == 10
+    assert contacts.peak_force[hardest] == pytest.approx(378e3, rel=2e-3)
+    assert contacts.stop[hardest] - contacts.start[hardest] == pytest.approx(0.045, abs=5e-4)
+    largest = [abs(names[each].x[:, 1]).max() for each in ("motion", "free")]
+    np.testing.assert_allclose(largest, [0.024, 0.076], atol=5e-4)
+    assert len(list((tmp_path / "frame").glob("*.vtu"))) == 240
+
+
+def test_the_tube_from_nastran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    program_files.tube(tmp_path)
+    names = _run("docs/stories/nastran.md")
+    assert names["tube"].n == 240
+    # Clamped at one end: the first root of cos x cosh x = -1 is 1.8751, the second 4.6941.
+    inertia_by_area = (0.025**2 + 0.022**2) / 4
+    hertz = np.array([1.875104, 4.694091]) ** 2 / 8 / np.pi * np.sqrt(
+        2.1e11 / 7850.0 * inertia_by_area)  # fmt: skip
+    np.testing.assert_allclose(names["hertz"], np.repeat(hertz, 2), rtol=1e-5)
+    assert names["small"].error.max() < 0.05
+    contacts, last = names["contacts"], names["last"]
+    assert 11 <= last.sum() <= 13
+    assert contacts.peak_force[last].mean() == pytest.approx(105.0, rel=0.02)
+    assert (contacts.stop - contacts.start)[last].mean() == pytest.approx(0.012, rel=0.02)
+    assert (tmp_path / "tube.unv").stat().st_size > 100_000
 
 
 def test_the_page_on_time_histories() -> None:

@@ -3,8 +3,18 @@
 Needs scipy:  ``pip install 'vibroimpact[models]'``.
 """
 
+from vibroimpact.models.label_files import read_nodes
+from vibroimpact.models.labels import Nodes
 from vibroimpact.models.model import Model
 from vibroimpact.models.readers import read_model
 from vibroimpact.models.reduction import Reduction, condense, reduce
 
-__all__ = ["Model", "Reduction", "condense", "read_model", "reduce"]
+__all__ = [
+    "Model",
+    "Nodes",
+    "Reduction",
+    "condense",
+    "read_model",
+    "read_nodes",
+    "reduce",
+]

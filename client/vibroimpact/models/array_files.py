@@ -1,26 +1,44 @@
-"""Readers of numpy's and scipy's archives of matrices."""
+"""Readers of numpy's arrays and archives, and of scipy's."""
 
 from __future__ import annotations
 
+import io
 import zipfile
-from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sparse
 
 from vibroimpact.models.labels import Content
 
+_STACKS: Final = {2: ("M", "K"), 3: ("M", "K", "C")}
 
-def npz(path: Path) -> Content:
+
+def npy(data: bytes) -> Content:
+    """Read an array: a matrix, the diagonal of one, or M and K, or M, K and C, behind another."""
+    if not data.startswith(b"\x93NUMPY"):
+        raise ValueError("it is no array of numpy")
+    try:
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    except Exception as error:  # as below
+        raise _damaged("array of numpy", error) from None
+    if array.ndim != 3:
+        return Content({"": array}, [])
+    names = _STACKS.get(array.shape[0])
+    if names is None:
+        raise ValueError(f"it has the shape {array.shape}; three dimensions are M K, or M K C")
+    return Content(dict(zip(names, array, strict=True)), [])
+
+
+def npz(data: bytes) -> Content:
     """Read what `scipy.sparse.save_npz` wrote, or `numpy.savez` with M, K and C."""
-    if not zipfile.is_zipfile(path):
+    if not zipfile.is_zipfile(io.BytesIO(data)):
         raise ValueError("it is no archive of numpy")
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
             if "format" not in file:
                 return Content(dict(file), [])
-        return Content({"": _checked(sparse.load_npz(path))}, [])
+        return Content({"": _checked(sparse.load_npz(io.BytesIO(data)))}, [])
     # The libraries raise whatever comes up in a damaged file.
     except Exception as error:
         raise _damaged("archive of numpy", error) from None

@@ -10,6 +10,7 @@ bodies' motions, whichever displacements were held; its eigenvalues in M are 1/O
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +18,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 import scipy.sparse.linalg
 
+from vibroimpact.models import cholesky
 from vibroimpact.tables import Array
 
 _DENSE: Final = 200
@@ -27,6 +29,8 @@ RIGID: Final = 1e-14
 """Energy of a rigid-body mode relative to the sum of its terms: some roundings of the entries."""
 _NEARLY: Final = 1e-7
 """The same of modes that are rigid if K was rounded to seven digits."""
+_SUSPECT: Final = 10.0 * _NEARLY
+"""Above this energy no motion is suspected of being rigid."""
 _ROUNDED: Final = 1e-5
 """Up to this, a negative energy is the rounding of a rigid-body mode."""
 _GAP: Final = 1e3
@@ -38,7 +42,13 @@ _MASSLESS: Final = 1e-12
 """Share of the diagonal of R' M R below which a combination of R has no mass."""
 
 
-def rigid_body_modes(K: Any, count: int | None = None) -> tuple[Array, bool]:
+Solver = Callable[[Any], Callable[[Array], Array]]
+"""Rows that are held at zero -> function that returns the displacements of forces."""
+
+
+def rigid_body_modes(
+    K: Any, count: int | None = None, places: Array | None = None
+) -> tuple[Array, bool]:
     """Return the motions without elastic energy, and whether K is positive semidefinite.
 
     Parameters
@@ -47,6 +57,8 @@ def rigid_body_modes(K: Any, count: int | None = None) -> tuple[Array, bool]:
         Stiffness.
     count : int, optional
         How many there are; default: as K tells, to rounding.
+    places : array, shape (n, dimension), optional
+        Where degrees of freedom lie, which saves time with large models.
 
     Returns
     -------
@@ -58,16 +70,12 @@ def rigid_body_modes(K: Any, count: int | None = None) -> tuple[Array, bool]:
     scale = unit_stiffness(K)
     scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
     n = scaled.shape[0]
-    factors = scipy.sparse.linalg.splu(
-        sparse.csc_array(scaled + _SHIFT * sparse.eye_array(n)), permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0, options={"SymmetricMode": True},
-    )  # fmt: skip
-    # Pivots on the diagonal have the signs of the eigenvalues (Sylvester).
-    negative = int((factors.U.diagonal() <= 0.0).sum())
-    definite = negative == 0 and bool((factors.perm_r == factors.perm_c).all())
+    shifted = sparse.csc_array(scaled + _SHIFT * sparse.eye_array(n))
+    solve, negative = _shifted(shifted, places)
+    definite = negative == 0
     tried = 8 if count is None else count + 1
     while True:
-        values, shapes = _nearest_to_zero(scaled, factors.solve, min(tried, n))
+        values, shapes = _nearest_to_zero(scaled, solve, min(tried, n))
         terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
         energies = np.divide(np.abs(values), terms, out=np.zeros_like(values), where=terms > 0.0)
         rigid = int((energies <= RIGID).sum()) if count is None else min(count, n)
@@ -79,6 +87,55 @@ def rigid_body_modes(K: Any, count: int | None = None) -> tuple[Array, bool]:
     elif not definite:  # roundings of rigid-body modes have either sign
         definite = int((values[:rigid] < 0.0).sum()) >= negative
     return scale[:, np.newaxis] * shapes[:, :rigid], definite
+
+
+def _shifted(A: Any, places: Array | None) -> tuple[Callable[[Array], Array], float]:
+    """Return a function that solves, and how many eigenvalues of A are negative.
+
+    nan where pivots are not on the diagonal, so that they do not tell.
+    """
+    if A.shape[0] >= cholesky.LARGE:
+        try:
+            return cholesky.Factors(A, (), places).solve, 0
+        except cholesky.NotDefinite:
+            pass  # which the others do not need
+    factors = scipy.sparse.linalg.splu(
+        A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    if not (factors.perm_r == factors.perm_c).all():
+        return factors.solve, float("nan")
+    # Pivots on the diagonal have the signs of the eigenvalues (Sylvester).
+    return factors.solve, int((factors.U.diagonal() <= 0.0).sum())
+
+
+def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
+    """Return whether all motions have energy, far beyond rounding.
+
+    Parameters
+    ----------
+    K : sparse matrix, shape (n, n)
+        Stiffness.
+    factors : Factors
+        Of K.
+    held : array of int
+        Empty: nothing is held.
+    """
+    scale = unit_stiffness(K)
+    scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
+    n = K.shape[0]
+
+    def inverse(f: Array) -> Array:
+        solution: Array = factors.solve(f.ravel() / scale, held) / scale
+        return solution
+
+    start = np.random.default_rng(0).normal(size=n)
+    operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
+    _, shapes = scipy.sparse.linalg.eigsh(
+        scaled, 1, sigma=0.0, OPinv=operator, v0=start, ncv=8, tol=1e-2
+    )
+    energies = np.sum(shapes * (scaled @ shapes), axis=0)  # the lowest: it tells of all
+    terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
+    return bool((energies > _SUSPECT * terms).all())
 
 
 def unit_stiffness(K: Any) -> Array:
@@ -129,6 +186,8 @@ class Flexibility:
         Stiffness, positive semidefinite but for R, and mass.
     R : array, shape (n, rigid)
         Rigid-body modes, independent.
+    solver : callable, optional
+        Solves with `anchors` held; default: by factors of its own.
 
     Attributes
     ----------
@@ -141,21 +200,31 @@ class Flexibility:
         If a rigid body has no mass.
     """
 
-    def __init__(self, K: Any, M: Any, R: Array) -> None:
+    def __init__(self, K: Any, M: Any, R: Array, solver: Solver | None = None) -> None:
         self.K, self.M = sparse.csc_array(K), sparse.csc_array(M)
         self.R = orthonormal(R, self.M)
-        n, rigid = R.shape
-        self._free = np.arange(n)
-        if rigid:
-            _, _, order = scipy.linalg.qr((R / unit_stiffness(K)[:, np.newaxis]).T, pivoting=True)
-            self._free = np.sort(order[rigid:])
-        self._solve = None
-        if self._free.size:
-            held = sparse.csc_array(self.K[self._free][:, self._free])
-            try:
-                self._solve = scipy.sparse.linalg.splu(held).solve
-            except RuntimeError:
-                raise NotHeld("the degrees of freedom left out are not held by springs") from None
+        held = anchors(K, R)
+        self._free = np.setdiff1d(np.arange(R.shape[0]), held)
+        self._solve: Callable[[Array], Array] | None = None
+        if solver is not None:
+            self._solve = solver(held)
+        elif self._free.size:
+            self._solve = self._factored()
+
+    def _factored(self) -> Callable[[Array], Array]:
+        """Return the solver of the degrees of freedom that are not held."""
+        inner = sparse.csc_array(self.K[self._free][:, self._free])
+        try:
+            factors = scipy.sparse.linalg.splu(inner)
+        except RuntimeError:
+            raise NotHeld("the degrees of freedom left out are not held by springs") from None
+
+        def solve(f: Array) -> Array:
+            x = np.zeros_like(f)
+            x[self._free] = factors.solve(np.ascontiguousarray(f[self._free]))
+            return x
+
+        return solve
 
     def solve(self, f: Array) -> Array:
         """Return displacements of forces in equilibrium: K x = f, some x being zero.
@@ -165,9 +234,7 @@ class Flexibility:
         NotHeld
             If there are none.
         """
-        x = np.zeros_like(f)
-        if self._solve is not None:
-            x[self._free] = self._solve(np.ascontiguousarray(f[self._free]))
+        x = np.zeros_like(f) if self._solve is None else self._solve(f)
         terms = abs(self.K) @ np.abs(x) + np.abs(f)
         if np.abs(self.K @ x - f).max(initial=0.0) > INDEPENDENT * terms.max(initial=0.0):
             raise NotHeld("the degrees of freedom left out are not held by springs")
@@ -176,9 +243,7 @@ class Flexibility:
     def elastic(self, f: Array) -> Array:
         """Return the elastic displacements of any forces: P K^- P' f."""
         f = f - self.M @ (self.R @ (self.R.T @ f))
-        x = np.zeros_like(f)
-        if self._solve is not None:
-            x[self._free] = self._solve(np.ascontiguousarray(f[self._free]))
+        x = np.zeros_like(f) if self._solve is None else self._solve(f)
         elastic: Array = x - self.R @ (self.R.T @ (self.M @ x))
         return elastic
 
@@ -212,6 +277,15 @@ class Flexibility:
         inverse, shapes = inverse[moving], displaced @ turned[:, moving] / inverse[moving]
         order = np.argsort(1.0 / inverse)[:count]
         return 1.0 / inverse[order], shapes[:, order]
+
+
+def anchors(K: Any, R: Array) -> Any:
+    """Return as many degrees of freedom as there are rigid-body modes, which hold them best."""
+    rigid = R.shape[1]
+    if not rigid:
+        return np.zeros(0, dtype=np.int64)
+    _, _, order = scipy.linalg.qr((R / unit_stiffness(K)[:, np.newaxis]).T, pivoting=True)
+    return np.sort(order[:rigid])
 
 
 class NotHeld(ValueError):  # noqa: N818

@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
-from vibroimpact.models.model import DIRECTIONS, Label
+from vibroimpact.models.model import Label
+from vibroimpact.models.motion_files import DIRECTIONS
+from vibroimpact_schema.matrix_market import LOST
 
-ALIASES: Final[Mapping[str, str]] = {
-    **dict.fromkeys(
-        ("M", "MASS", "MAA", "MAAX", "MGG", "MGGX", "MXX", "MHH", "M2GG", "M2PP"), "M"
-    ),
-    **dict.fromkeys(
-        ("K", "STIFFNESS", "STIF", "KAA", "KAAX", "KGG", "KGGX", "KXX", "KHH", "K2GG", "K2PP"), "K"
-    ),
-    **dict.fromkeys(
-        ("C", "D", "DAMPING", "VISCOUSDAMPING", "BAA", "BAAX", "BGG", "BGGX", "BXX", "BHH",
-         "B2GG", "B2PP"), "C",
-    ),
-}  # fmt: skip
-"""Names of matrices in files, in capitals -> M, K or C."""
+_PLAIN: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("M", "MASS"), "M"),
+    **dict.fromkeys(("K", "STIFFNESS", "STIF", "STIFF"), "K"),
+    **dict.fromkeys(("C", "D", "DAMPING", "DAMP", "VISCOUSDAMPING", "DMPV"), "C"),
+    **dict.fromkeys(("STRUCTURALDAMPING", "DMPS"), "K4"),
+}
+_SETS: Final = "AAX|AA|AX|GGX|GG|GX|2GG|2PP|PP|HH|HX|XX|NN|FF|LL|DD|JJ|QQ|TT|RR"
+_NASTRAN: Final = re.compile(rf"(M|K4|K|B)(?:{_SETS})")
+"""Matrix and set of degrees of freedom: MGG, KAAX, K2GG, BHH; K4AA is structural damping."""
+_DIRECTIONS: Final[Mapping[str, str]] = {
+    **{f"{number}": each for number, each in enumerate(DIRECTIONS, 1)},
+    **{each: each for each in DIRECTIONS},
+    **{f"u{each}": each for each in DIRECTIONS[:3]},
+    **{f"rot{each[1]}": each for each in DIRECTIONS[3:]},
+    **{f"ur{number}": each for number, each in enumerate(DIRECTIONS[3:], 1)},
+    **{f"u{number}": each for number, each in enumerate(DIRECTIONS[:3], 1)},
+    **{f"t{number}": each for number, each in enumerate(DIRECTIONS[:3], 1)},
+    **{f"r{number}": each for number, each in enumerate(DIRECTIONS[3:], 1)},
+    "0": "x",
+}
+"""Names of directions: 1 to 6, x to rz, and those of ANSYS, Abaqus and Nastran."""
+
+
+class ComplexMatrix:
+    """A matrix with imaginary parts, which can be left out but not used."""
+
+    def __init__(self, name: str, line: int) -> None:
+        where = f"line {line}: " if line else ""
+        self.reason = f"{where}{name} is complex: its imaginary part {LOST}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +58,70 @@ class Content:
     labels: Sequence[Label] | None
 
 
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """What a deck says of nodes.
+
+    Parameters
+    ----------
+    coordinates : mapping
+        Node -> its coordinates.
+    labels : sequence of (int, str)
+        All degrees of freedom that nodes can have, in the order of their numbers; empty: unknown.
+    held : set of (int, str)
+        Those that are held.
+    elements : mapping
+        Shape -> the nodes of each element; of shapes that `Model.write` knows.
+    """
+
+    coordinates: Mapping[int, Sequence[float]]
+    labels: Sequence[Label] = ()
+    held: frozenset[Label] = field(default_factory=frozenset)
+    elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
+
+
 def label(node: int, component: int) -> Label:
     """Return the label of component 1 to 6, or of a scalar point, which has 0."""
     direct = DIRECTIONS[component - 1] if 1 <= component <= 6 else f"{component}"
     return node, "x" if component == 0 else direct
 
 
+def direction(text: str) -> str:
+    """Return the direction that a program calls ``UX``, ``ROTZ``, ``3`` or ``x``.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    known = _DIRECTIONS.get(text.strip().lower())
+    if known is None:
+        raise ValueError(f"{text.strip()[:20]!r} is no direction: x, y, z, rx, ry, rz or 1 to 6")
+    return known
+
+
+def meaning(name: str) -> str:
+    """Return what the name of a matrix means: M, K, C, K4 of structural damping, or ""."""
+    last = re.split(r"[./]", name)[-1].upper()
+    if last in _PLAIN:
+        return _PLAIN[last]
+    match = _NASTRAN.fullmatch(last)
+    return {"M": "M", "K": "K", "B": "C", "K4": "K4"}[match[1]] if match else ""
+
+
+def of_file(stem: str) -> str:
+    """Return the name of a matrix in that of its file: ``K``, ``job_STIF1``, ``model-mass``."""
+    for part in (stem, re.split(r"[_.\- ]", stem)[-1]):
+        for name in (part, part.rstrip("0123456789")):
+            if meaning(name):
+                return name
+    return stem
+
+
 def chosen(available: Sequence[str], names: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return which names in a file are M, K and C: ``{"M": "MAAX", "K": "KAAX"}``.
 
-    ``K`` is preferred to ``k``, and both to other names of it.
+    ``K`` is preferred to ``k``, and both to other names of it; structural damping is ``K4``.
 
     Parameters
     ----------
@@ -63,12 +136,14 @@ def chosen(available: Sequence[str], names: Mapping[str, str] | None = None) -> 
         If two names mean the same matrix and neither is preferred.
     """
     chosen_names = {own: given for own, given in (names or {}).items() if given in available}
-    for own in ("M", "K", "C"):
+    for own in ("M", "K", "C", "K4"):
         if own in chosen_names:
             continue
-        same = [name for name in available if ALIASES.get(name.upper()) == own]
-        for preferred in ([own], [own.lower()], same):
-            candidates = [name for name in preferred if name in same]
+        same = [name for name in available if meaning(name) == own]
+        for preferred in (own, own.lower(), ""):
+            candidates = [
+                name for name in same if not preferred or re.split(r"[./]", name)[-1] == preferred
+            ]
             if len(candidates) > 1:
                 way = f'names={{"{own}": "{candidates[0]}"}}'
                 raise ValueError(f"{' and '.join(candidates)} can both be {own}: choose with {way}")

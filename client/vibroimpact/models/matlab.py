@@ -1,4 +1,4 @@
-"""Reader of Matlab's files, versions 4 to 7: matrices of numbers, full and sparse.
+"""Reader of Matlab's files, versions 4 to 7: matrices of numbers, full and sparse, and structures.
 
 scipy's reader ends the process on some damaged files. This one slices bytes that it has counted.
 The format: MathWorks, MAT-File Format, chapters 1 (version 5) and 2 (version 4).
@@ -9,13 +9,14 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from math import prod
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sparse
 
+from vibroimpact.models import matlab_hdf5
 from vibroimpact.models.labels import Content
+from vibroimpact.models.matlab_hdf5 import NotNumbers
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8",
                  12: "i8", 13: "u8"}  # fmt: skip
@@ -28,21 +29,21 @@ _SPARSE: Final = 5
 _COMPLEX, _LOGICAL = 0x0800, 0x0200
 
 
-class NotNumbers:
-    """A variable that is no matrix of numbers: a text, a structure, a cell array."""
+_STRUCT: Final = 2
+_DEPTH: Final = 8
+"""Structures within one another that are looked into."""
 
 
-def mat(path: Path) -> Content:
-    """Read the variables of a file.
+def mat(data: bytes) -> Content:
+    """Read the variables of a file; fields of structures are called ``structure.field``.
 
     Raises
     ------
     ValueError
-        If it is damaged, or of version 7.3.
+        If it is damaged.
     """
-    data = path.read_bytes()
     if data.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        raise ValueError("files of Matlab 7.3 are not read: write it with save(…, '-v7')")
+        return Content(matlab_hdf5.variables(data), [])
     # The text with which files begin from version 5 on has no zero bytes.
     variables = _version_4(data) if 0 in data[:4] else _version_5(data)
     content: dict[str, Any] = {}
@@ -110,26 +111,32 @@ def _version_5(data: bytes) -> Iterator[tuple[str, Any]]:
             kind, content = _Bytes(zlib.decompress(content), order).element()
         if kind != _MATRIX:
             raise ValueError(f"it is damaged: an element of type {kind} among variables")
-        variable = _variable(_Bytes(content, order))
-        if variable is not None:
-            yield variable
+        yield from _variables(_Bytes(content, order), 0)
     if len(elements):
         raise ValueError("it is damaged: it ends within a variable")
 
 
-def _variable(content: _Bytes) -> tuple[str, Any] | None:
-    """Return name and value of a variable; None for what Matlab stores for itself."""
+def _variables(content: _Bytes, depth: int) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of a variable, or of the fields of a structure.
+
+    Nothing is yielded for what Matlab stores for itself.
+    """
     flags = content.array()
     if flags.size != 2:
         raise ValueError("it is damaged: a variable without its class")
     kind, is_complex = int(flags[0]) & 0xFF, bool(int(flags[0]) & _COMPLEX)
     if kind == 17:  # an object
-        return None
+        return
     shape = tuple(int(size) for size in content.array())
     name = bytes(content.element()[1]).decode("latin-1")
     logical = bool(int(flags[0]) & _LOGICAL)
+    if kind == _STRUCT and prod(shape) == 1 and depth < _DEPTH:
+        yield from ((f"{name}.{each}", value) for each, value in _fields(content, depth))
+        return
     if (kind not in _CLASSES and kind != _SPARSE) or (kind == _SPARSE and logical):
-        return (name, NotNumbers()) if name else None
+        if name or depth:
+            yield name, NotNumbers()
+        return
     if len(shape) < 2 or min(shape) < 0:
         raise ValueError(f"it is damaged: {name} has the shape {shape}")
     places = (content.array(), content.array()) if kind == _SPARSE else None
@@ -140,10 +147,29 @@ def _variable(content: _Bytes) -> tuple[str, Any] | None:
             raise ValueError(f"it is damaged: {name} has other imaginary than real parts")
         values = values + 1j * imaginary
     if places is not None:
-        return name, _by_columns(name, shape, *places, values)
+        yield name, _by_columns(name, shape, *places, values)
+        return
     if values.size != prod(shape):
         raise ValueError(f"it is damaged: {name} has {values.size} numbers of {prod(shape)}")
-    return name, values.reshape(shape, order="F")
+    yield name, values.reshape(shape, order="F")
+
+
+def _fields(content: _Bytes, depth: int) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of the fields of a structure."""
+    length = content.array()
+    names = bytes(content.element()[1])
+    size = int(length[0]) if length.size == 1 else 0
+    if size < 1 or len(names) % size:
+        raise ValueError("it is damaged: a structure without names of its fields")
+    for start in range(0, len(names), size):
+        field = names[start : start + size].partition(b"\0")[0].decode("latin-1")
+        kind, value = content.element()
+        if kind != _MATRIX:
+            raise ValueError(f"it is damaged: an element of type {kind} in a structure")
+        if not len(value):
+            continue  # an empty field
+        for name, each in _variables(_Bytes(value, content.order), depth + 1):
+            yield f"{field}{name}", each
 
 
 def _by_columns(name: str, shape: tuple[int, ...], row: Any, start: Any, values: Any) -> Any:

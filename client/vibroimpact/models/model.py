@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +14,7 @@ import numpy as np
 from vibroimpact.arguments import real
 from vibroimpact.errors import MissingExtra
 from vibroimpact.local import Local
+from vibroimpact.models.motion_files import DIRECTIONS, write_motion
 from vibroimpact.systems import constraint, system
 from vibroimpact.tables import Array
 
@@ -27,8 +31,6 @@ except ImportError as missing:
     raise MissingExtra("finite-element models", "models", missing) from missing
 
 Label = tuple[int, str]
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-"""Directions 1 to 6 of finite-element programs."""
 ROUNDING = 1e-9
 """Difference of mirrored entries, relative to the largest, that is taken for rounding."""
 
@@ -52,6 +54,12 @@ class Model:
         Largest difference of entries (i, j) and (j, i), relative to the largest entry, that is
         taken for rounding: both become their mean. Matrices computed in single precision need
         some 1e-6.
+    symmetrize : bool
+        Whether a matrix whose difference is larger becomes the mean of both all the same, with a
+        warning.
+    elements : mapping, optional
+        Shape, such as ``"hexahedron"`` or ``"quad"`` -> the nodes of each element, for files of
+        motions on the mesh, see `write`.
 
     Raises
     ------
@@ -66,12 +74,15 @@ class Model:
     coordinates: Mapping[int, Sequence[float]] = field(default_factory=dict)
     units: Mapping[str, str] | None = None
     rounding: float = ROUNDING
+    symmetrize: bool = False
+    elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("M", "K", "C"):
             given = getattr(self, name)
             if given is not None:
-                object.__setattr__(self, name, _symmetric(name, given, self.rounding))
+                matrix = _symmetric(name, given, self.rounding, self.symmetrize)
+                object.__setattr__(self, name, matrix)
         n = self.M.shape[0]
         labels = tuple(self.labels) or tuple((index, "x") for index in range(n))
         if any(part is not None and part.shape[0] != n for part in (self.K, self.C)):
@@ -94,13 +105,29 @@ class Model:
             Naming the directions that the node has.
         """
         try:
-            return self.labels.index((node, direction))
-        except ValueError:
+            return self._rows[node, direction]
+        except KeyError:
             have = [each for at, each in self.labels if at == node]
             known = f"node {node} has {', '.join(have)}" if have else f"there is no node {node}"
             raise ValueError(
                 f"no degree of freedom {direction!r} of node {node}: {known}"
             ) from None
+
+    @cached_property
+    def _rows(self) -> Mapping[Label, int]:
+        """Row of each label."""
+        return {label: row for row, label in enumerate(self.labels)}
+
+    @cached_property
+    def places(self) -> Array | None:
+        """Where each degree of freedom lies, shape (dof, 3); None where a node has no place."""
+        if not all(node in self.coordinates for node, _ in self.labels):
+            return None
+        places = np.zeros((self.n, 3))
+        for row, (node, _) in enumerate(self.labels):
+            place = self.coordinates[node]
+            places[row, : len(place)] = place
+        return places
 
     def constraint(
         self,
@@ -184,8 +211,21 @@ class Model:
         return moved
 
     def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Model:
-        """Return the model with nodes held fixed, in all directions or in some."""
+        """Return the model with nodes held fixed, in all directions or in some.
+
+        Raises
+        ------
+        ValueError
+            If there is no such node, or none of them has such a direction.
+        """
         held, chosen = set(nodes), None if directions is None else set(directions)
+        missing = held - {node for node, _ in self.labels}
+        if missing:
+            few = ", ".join(map(str, sorted(missing)[:10]))
+            raise ValueError(f"there are no nodes {few}{'' if len(missing) <= 10 else ', ...'}")
+        for each in chosen or ():
+            if not any(node in held and own == each for node, own in self.labels):
+                raise ValueError(f"none of the nodes has a direction {each!r}")
         keep = [
             index
             for index, (node, direction) in enumerate(self.labels)
@@ -254,6 +294,37 @@ class Model:
                 moved[places[node], DIRECTIONS.index(direction)] += scale * value
         return rest, moved
 
+    def write(
+        self,
+        path: str | Path,
+        x: Array,
+        t: Array | None = None,
+        *,
+        v: Array | None = None,
+    ) -> None:
+        """Write a motion on the mesh: for ParaView, or for programs of modal tests.
+
+        ``.vtu`` is one shape, ``.pvd`` a series of them in a folder of its own, ``.xdmf`` a series
+        with an ``.h5`` beside; ``.unv`` and ``.uff`` are universal files, data sets 15 and 58.
+        Displacements, rotations and velocities are vectors of each node.
+
+        Parameters
+        ----------
+        path : path
+        x : array, shape (dof,) or (time, dof)
+            Displacements, such as ``small.expand(motion.x)`` of a reduced model.
+        t : array, shape (time,), optional
+            Times; default: 0, 1, 2, and so on.
+        v : array, optional
+            Velocities, of the shape of x.
+
+        Raises
+        ------
+        ValueError
+            If the ending is unknown, shapes do not fit, or nodes have no coordinates.
+        """
+        write_motion(self, Path(path), x, t, v)
+
     def draw(self, x: Array, ax: Axes | None = None, scale: float | None = None) -> Axes:
         """Plot the nodes at rest in grey and displaced, in the two widest directions.
 
@@ -320,9 +391,12 @@ class Model:
         return f"{DIRECTIONS[direction]}{unit}"
 
 
-def _symmetric(name: str, given: Any, rounding: float) -> Any:
+def _symmetric(name: str, given: Any, rounding: float, symmetrize: bool) -> Any:
     """Return a matrix as rows of its nonzero entries; a triangle stands for the whole."""
-    matrix = sparse.csr_array(real(name, given), dtype=np.float64)
+    given = real(name, given)
+    if np.ndim(given) == 1:
+        given = sparse.diags_array(np.asarray(given, dtype=np.float64))
+    matrix = sparse.csr_array(given, dtype=np.float64)
     if matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"{name} is not square: {matrix.shape}")
     if not np.isfinite(matrix.data).all():
@@ -335,11 +409,14 @@ def _symmetric(name: str, given: Any, rounding: float) -> Any:
         at = int(difference.data.argmax())
         i, j = (int(index[at]) for index in difference.coords)
         relative = difference.data[at] / abs(matrix).max()
-        raise ValueError(
-            f"{name} is not symmetric: entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} "
-            "of the largest entry. If that is rounding, as of single precision, allow it: "
-            f"rounding={2 * relative:.1g}"
-        )
+        what = f"entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} of the largest entry"
+        if not symmetrize:
+            raise ValueError(
+                f"{name} is not symmetric: {what}. symmetrize=True takes the mean of both, "
+                "whatever it is. If it is rounding, as of single precision, allow it: "
+                f"rounding={2 * relative:.1g}"
+            )
+        warnings.warn(f"{name} became symmetric: {what}", UserWarning, stacklevel=4)
     matrix = sparse.csr_array(0.5 * (matrix + matrix.T))
     matrix.eliminate_zeros()
     return matrix

@@ -21,11 +21,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg
 
+from vibroimpact.models import cholesky
 from vibroimpact.models.flexibility import (
     INDEPENDENT,
     RIGID,
     Flexibility,
     MasslessMotion,
+    Solver,
+    anchors,
+    no_rigid_body_modes,
     rigid_body_modes,
     unit_stiffness,
 )
@@ -185,7 +189,7 @@ def reduce(
 def _reduced(
     model: Model, kept: Array, modes: int, compare: int | None, rigid: int | None
 ) -> Reduction:
-    R, definite = rigid_body_modes(model.K, rigid)
+    R, definite, factors = _rigid(model, kept, rigid)
     moved = R[kept] / unit_stiffness(model.K)[kept, np.newaxis]
     held, turned = _held(moved, model.n)
     others = np.setdiff1d(np.arange(model.n), kept)
@@ -193,10 +197,14 @@ def _reduced(
     T[kept, np.arange(kept.size)] = 1.0
     first = kept.size + held
     try:
-        whole = Flexibility(model.K, model.M, R)
+        bodies_of_others = R[others] @ turned[:, :held]
+        if factors is None and model.n >= cholesky.LARGE and definite:
+            factors = _factors(model, kept, R, others, bodies_of_others)
+        whole = Flexibility(model.K, model.M, R, _solver(factors, kept, None, model.n))
         if others.size:
             K, M = (part[others][:, others] for part in (model.K, model.M))
-            flexible = Flexibility(K, M, R[others] @ turned[:, :held])
+            solver = _solver(factors, kept, others, model.n)
+            flexible = Flexibility(K, M, bodies_of_others, solver)
             T[others, : kept.size] = flexible.solve(-model.K[others][:, kept].toarray())
             T[others, kept.size : first] = flexible.R
             T[others, first:] = _modes(flexible, modes)
@@ -219,6 +227,59 @@ def _reduced(
     count = max(1, small.n // 2) if compare is None else min(compare, small.n)
     Omega, error = _errors(whole, small, T, motions, definite, count)
     return Reduction(small, T, Omega, error, kept.size, held)
+
+
+def _rigid(
+    model: Model, kept: Array, rigid: int | None
+) -> tuple[Array, bool, cholesky.Factors | None]:
+    """Return rigid-body modes, whether K is semidefinite, and factors of K where it is definite.
+
+    These factors serve all that follows, so that a large supported structure has one set of them.
+    """
+    if model.n < cholesky.LARGE or rigid:
+        return *rigid_body_modes(model.K, rigid, model.places), None
+    try:
+        factors = cholesky.Factors(model.K, kept, model.places)
+        if rigid == 0 or no_rigid_body_modes(model.K, factors, ()):
+            return np.zeros((model.n, 0)), True, factors
+    except cholesky.NotDefinite:
+        pass  # as of a structure that is free, to rounding
+    return *rigid_body_modes(model.K, rigid, model.places), None
+
+
+def _factors(
+    model: Model, kept: Array, R: Array, others: Array, bodies: Array
+) -> cholesky.Factors | None:
+    """Return factors of K that serve with the kept degrees of freedom held and without."""
+    inner = model.K[others][:, others]
+    held = [kept, anchors(model.K, R), others[anchors(inner, bodies)]]
+    try:
+        return cholesky.Factors(model.K, np.unique(np.concatenate(held)), model.places)
+    except cholesky.NotDefinite:
+        return None  # some motion is held by rounding alone, which the others say
+
+
+def _solver(
+    factors: cholesky.Factors | None, kept: Array, others: Array | None, n: int
+) -> Solver | None:
+    """Return the solver of all degrees of freedom, or of the others with the kept ones held."""
+    if factors is None:
+        return None
+
+    def solver(held: Array) -> Callable[[Array], Array]:
+        if others is None:
+            return lambda f: factors.solve(f, held)
+        zero = np.concatenate([kept, others[held]])
+
+        def solve(f: Array) -> Array:
+            whole = np.zeros((n, *f.shape[1:]))
+            whole[others] = f
+            x: Array = factors.solve(whole, zero)[others]
+            return x
+
+        return solve
+
+    return solver
 
 
 def _modes(flexible: Flexibility, count: int) -> Array:

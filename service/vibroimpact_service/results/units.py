@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Final
 
@@ -39,7 +40,25 @@ def unit(dimension: str, units: Mapping[str, str] | None) -> str:
         else:
             others.append(factor)
     named = _named(powers, units) if not others else None
-    return named or _quotient([(units[base], powers[base]) for base in _BASE], others)
+    return named or _quotient(_factors(powers, units), others)
+
+
+def _factors(powers: Mapping[str, float], units: Mapping[str, str]) -> list[tuple[str, float]]:
+    """Return the symbols of units and their powers: those of lbf s2/in times in/s2 are lbf."""
+    composed = any(sign in units[base] for base in _BASE for sign in " /")
+    if not composed:
+        return [(units[base], powers[base]) for base in _BASE]
+    together: dict[str, float] = {}
+    for base in _BASE:
+        sign = 1.0
+        for part in re.findall(r"[ /]|[^ /]+", units[base]):
+            if part in " /":
+                sign = -1.0 if part == "/" else 1.0
+                continue
+            symbol = part.rstrip("0123456789")
+            power = sign * float(part[len(symbol) :] or 1)
+            together[symbol] = together.get(symbol, 0.0) + power * powers[base]
+    return list(together.items())
 
 
 def _named(powers: Mapping[str, float], units: Mapping[str, str]) -> str | None:
