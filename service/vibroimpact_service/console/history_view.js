@@ -7,6 +7,7 @@ import { Clicks } from "./clicks.js";
 import { Curve, wholeRange } from "./curve.js";
 import { button, make } from "./dom.js";
 import { choiceField, numberField, switchField } from "./fields.js";
+import { help } from "./help.js";
 import { atTimes, loadFields } from "./loads.js";
 import { spread } from "./motion_card.js";
 import { rangeOfModes, time, velocity } from "./natural.js";
@@ -14,7 +15,7 @@ import { interpolated, shown } from "./numbers.js";
 import { Player, calm } from "./player.js";
 import { Shape } from "./shape.js";
 import { setFields, state } from "./state.js";
-import { geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { axisName, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /** @returns {Record<string, any>} */
@@ -38,7 +39,7 @@ function duration() {
 export class HistoryView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
-    super(root, { name: "history", title: "Time history" });
+    super(root, { name: "history", title: "Time history", help: help("horizon") });
     /** With soft stops. @type {any} */ this.soft = null;
     /** @type {Curve | null} */ this.curve = null;
     /** @type {{shape: Shape, rows: ArrayLike<number>[], impacts: any, x: Float64Array}[]} */ this.moving = [];
@@ -171,8 +172,8 @@ export class HistoryView extends BaseView {
     const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
     const met = compliant ? `${rests} contacts` : `${count} impacts`;
     this.curve = this.drawing = new Curve(holder, {
-      x: "time t", y: `x of coordinate ${rigid.dof[column]}`, height: 260, strip: 1,
-      label: `Displacement of coordinate ${rigid.dof[column]} over time with ${met}${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
+      x: "time t", y: axisName(state.structure, rigid.dof[column]), height: 260, strip: 1, zoom: this.zoom,
+      label: `Displacement of ${coordinateName(state.structure, rigid.dof[column])} over time with ${met}${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
       series: [{ label: "rigid", colour: "accent", width: 1.6 }, { label: "soft", colour: "soft-curve", width: 1.3, dash: [5, 3] }],
     });
     this.curve.levels = state.structure.stops.filter((stop) => stop.dof === coordinate && stop.relativeTo === null)
