@@ -207,6 +207,80 @@ def double_pendulum(
     return document
 
 
+def absorber(
+    constraints: Constraints,
+    Omega0: float = 1.0,
+    ratio: float = 0.05,
+    tuning: float = 1.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
+) -> documents.Absorber:
+    """Return a mass on a spring that carries a small one, coordinate 1, between stops.
+
+    Parameters
+    ----------
+    constraints : Constraint or sequence
+        Stops, as ``vi.constraint(gap=0.5, direction={1: 1.0, 0: -1.0})`` between the two.
+    Omega0 : float
+        Natural frequency of the large mass alone.
+    ratio : float
+        Small mass over the large one.
+    tuning : float
+        Frequency of the small mass alone over `Omega0`; 0: it has no spring.
+    damping, dashpots, influence
+        As in `system`.
+    """
+    document: documents.Absorber = {
+        "preset": "absorber",
+        "Omega0": float(Omega0),
+        "ratio": float(ratio),
+        "tuning": float(tuning),
+        "constraints": _several(constraints),
+    }
+    _complete(document, damping, dashpots, influence)
+    return document
+
+
+def beam(
+    elements: int,
+    constraints: Constraints,
+    length: float = 1.0,
+    EI: float = 1.0,
+    rhoA: float = 1.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
+) -> documents.Beam:
+    """Return a cantilever of equal Euler-Bernoulli elements.
+
+    The deflection of its tip is coordinate ``2 * elements - 2``.
+
+    Parameters
+    ----------
+    elements : int
+        Number of elements; each node has a deflection and a rotation.
+    constraints : Constraint or sequence
+        Stops, as ``vi.constraint(dof=2 * elements - 2, gap=0.01)`` at the tip.
+    length, EI, rhoA : float
+        Length of the beam, bending stiffness, mass per length.
+    damping, dashpots, influence
+        As in `system`.
+    """
+    document: documents.Beam = {
+        "preset": "beam",
+        "elements": elements,
+        "length": float(length),
+        "EI": float(EI),
+        "rhoA": float(rhoA),
+        "constraints": _several(constraints),
+    }
+    _complete(document, damping, dashpots, influence)
+    return document
+
+
 def bouncing_ball(constraints: Constraints, g: float = 9.81) -> documents.BouncingBall:
     """Return a ball above a floor, under gravity."""
     limiters = _several(constraints)

@@ -13,8 +13,7 @@ import { shown } from "./numbers.js";
  */
 
 const PAD = 18;
-/** Least pixels of the bar that tells the scale. */
-const BAR = 26;
+const BAR = 26; // least pixels of the bar that tells the scale
 
 export class Shape {
   /**

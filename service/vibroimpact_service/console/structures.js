@@ -166,6 +166,8 @@ export function systemDocument(structure, damped = true) {
     if (form === "stored") return { id, constraints };
     if (form === "oscillator" || form === "two_mass") return { preset: form, ...p, ...(zeta ? { zeta } : {}), constraints };
     if (form === "chain" && !zeta) return { preset: "chain", n: p.n, mass: p.mass, stiffness: p.stiffness, constraints };
+    if (form === "absorber" && !zeta) return { preset: form, ...p, constraints };
+    if (form === "beam" && !zeta) return { preset: form, ...p, constraints };
     if (form === "double_pendulum") return { preset: form, mu: p.mu, constraints };
   }
   const { M, K, C, force, units } = sparseMatrices(structure);

@@ -42,7 +42,7 @@ export function plotTools({ name, curve, caption, keep, report, compute }) {
     else if (low < high && !(now.options.log && low <= 0)) now.limit("y", [low, high]);
     else showError(new Error("The lower end of the values is not below the upper one."));
   };
-  range.append(numberField("Values from", null, limit(0), { empty: "all", name: "y-from" }), numberField("to", null, limit(1), { empty: "all", name: "y-to" }));
+  range.append(numberField("Values from", null, limit(0), { empty: "all", name: "y-from" }), numberField("values to", null, limit(1), { empty: "all", name: "y-to" }));
   const element = make("details", { class: "tools" },
     make("summary", {}, "Zoom, save, compare, report"),
     make("div", { class: "row", role: "group", "aria-label": "Zoom" },
