@@ -667,10 +667,10 @@ class BouncingBall(TypedDict):
 
 
 class Absorber(TypedDict):
-    """A mass on a spring that carries a small one: M = diag(1, r), K = Omega0² [[1 + r t², -r
-    t²], …].
+    """A mass on a spring that carries a small one, coordinate 1.
 
-    Coordinate 1 is the small mass; a stop between the two has the direction of both.
+    M = diag(1, r), K = Omega0² [[1 + r t², -r t²], [-r t², r t²]]. A stop between the two has a
+    direction: dofs [1, 0], weights [1, -1].
     """
 
     damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]

@@ -359,9 +359,10 @@ class BouncingBall(Preset):
 
 
 class Absorber(Preset):
-    """A mass on a spring that carries a small one: M = diag(1, r), K = Omega0² [[1 + r t², -r t²], …].
+    """A mass on a spring that carries a small one, coordinate 1.
 
-    Coordinate 1 is the small mass; a stop between the two has the direction of both.
+    M = diag(1, r), K = Omega0² [[1 + r t², -r t²], [-r t², r t²]]. A stop between the two has a
+    direction: dofs [1, 0], weights [1, -1].
     """
 
     preset: Literal["absorber"]
@@ -369,8 +370,8 @@ class Absorber(Preset):
     ratio: Positive = Field(0.05, description="Small mass over the large one, r.")
     tuning: NonNegative = Field(
         1.0,
-        description="Frequency of the small mass alone over Omega0, t; 0: it has no spring, and only "
-        "its stops hold it.",
+        description="Frequency of the small mass alone over Omega0, t; 0: it has no spring, and "
+        "only its stops hold it.",
     )
 
 

@@ -131,9 +131,9 @@ def absorber(
 ) -> System:
     """Return a mass on a spring that carries a small one on a spring of its own.
 
-    M = diag(1, r), K = Omega0^2 [[1 + r t^2, -r t^2], [-r t^2, r t^2]] with the ratio r of the masses
-    and the tuning t: the frequency of the small mass alone over that of the large one. Without its
-    spring, t = 0, it is held by its stops only, as in an impact damper.
+    M = diag(1, r), K = Omega0^2 [[1 + r t^2, -r t^2], [-r t^2, r t^2]] with the ratio r of the
+    masses and the tuning t, the frequency of the small mass alone over that of the large one.
+    Without its spring, t = 0, it is held by its stops only, as in an impact damper.
     """
     _require_positive(("Omega0",), Omega0)
     _require_positive(("ratio",), ratio)

@@ -6,7 +6,7 @@ from playwright.sync_api import expect
 
 from tests.browser.visits import Visit, received
 
-BUDGET = 170_000
+BUDGET = 150_000
 """Bytes of both pages with everything that they load, compressed."""
 
 

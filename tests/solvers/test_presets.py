@@ -26,10 +26,10 @@ def _frequencies(system: Any) -> np.ndarray[Any, Any]:
 def test_a_beam_has_the_frequencies_of_a_cantilever(
     length: float, stiffness: float, mass: float
 ) -> None:
-    found = _frequencies(presets.beam([], 30, length, stiffness, mass))[:3]
+    Omega = _frequencies(presets.beam([], 30, length, stiffness, mass))[:3]
     unit = math.sqrt(stiffness / mass) / length**2
     # The elements lie above by about (x h)^4 / 720: 1e-6 of the third one.
-    assert found == pytest.approx([root**2 * unit for root in ROOTS], rel=1e-5)
+    assert Omega == pytest.approx([root**2 * unit for root in ROOTS], rel=1e-5)
 
 
 @pytest.mark.parametrize("elements", [1, 2, 7])
@@ -43,9 +43,9 @@ def test_a_beam_is_that_of_independently_assembled_elements(elements: int) -> No
 def test_an_absorber_has_the_frequencies_of_den_hartog() -> None:
     """With f the tuning and m the ratio: g^4 - g^2 (1 + f^2 (1 + m)) + f^2 = 0."""
     ratio, tuning, Omega0 = 0.05, 0.9, 3.0
-    found = _frequencies(presets.absorber([], Omega0, ratio, tuning)) / Omega0
+    Omega = _frequencies(presets.absorber([], Omega0, ratio, tuning)) / Omega0
     squares = np.sort(np.roots([1.0, -(1.0 + tuning**2 * (1.0 + ratio)), tuning**2]))
-    assert found**2 == pytest.approx(squares, rel=1e-12)
+    assert Omega**2 == pytest.approx(squares, rel=1e-12)
 
 
 def test_without_a_spring_an_absorber_is_held_by_its_stops_alone() -> None:

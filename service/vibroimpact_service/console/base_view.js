@@ -3,8 +3,8 @@
 import { Away, ask, compute, latest } from "./api.js";
 import { button, make, settled } from "./dom.js";
 import { hasInvalid, showError } from "./fields.js";
-import { svgOf } from "./figure.js";
-import { goOn, keep, keptFigures } from "./kept.js";
+import { copyOf, standing } from "./figure.js";
+import { goOn, keep, keptFigures, keptOf } from "./kept.js";
 import { duration } from "./numbers.js";
 import { progressLine, working } from "./progress.js";
 import { report } from "./report.js";
@@ -22,6 +22,9 @@ const FORMER = {
   refused: "the present one was refused.",
   away: "the service does not answer to the present one.",
 };
+
+/** Milliseconds in which a curve takes the width of its place. */
+const RESIZING = 150;
 
 /** Planned seconds up to which a view follows a slider while it is dragged. */
 const LIVELY = 0.4;
@@ -41,6 +44,7 @@ export class BaseView {
     this.name = name;
     this.title = title;
     /** The part of the curve that is shown. */ this.zoom = new Zoom();
+    this.zoom.changed = () => this.zoomed();
     /** Whether a slider is being dragged: only the first answer is wanted. */ this.dragged = false;
     /** @type {any} */ this.result = null;
     /** The main drawing. @type {{destroy: () => void} | null} */ this.drawing = null;
@@ -122,11 +126,19 @@ export class BaseView {
     return /** @type {any} */ ("curve" in this.drawing ? this.drawing.curve : this.drawing);
   }
 
-  #keep() {
-    const curve = this.plotted();
-    if (!curve || !curve.plot) return;
+  /** The part of the curve that is shown has changed. */
+  zoomed() {
+    this.tools.update();
+  }
+
+  async #keep() {
     const caption = inWords(state.structure);
-    keep(this.name, { svg: svgOf(curve, caption), caption, said: this.readout.textContent || "" });
+    const [said] = (this.readout.textContent || "").split(". ");
+    // It is drawn in the size in which it will stand there.
+    this.section.classList.add("compared");
+    await new Promise((resolve) => { setTimeout(resolve, RESIZING); });
+    const curve = this.plotted();
+    if (curve && curve.plot) keep(this.name, { picture: standing(curve, ""), caption, said: `${said}.` });
     this.#besides();
   }
 
@@ -141,7 +153,7 @@ export class BaseView {
     const caption = inWords(state.structure);
     report({
       title: this.title, view: this.root, result: this.result, requests: this.requests(),
-      figures: [...[...this.kept.children].map((each) => /** @type {Element} */ (each.cloneNode(true))), ...(curve && curve.plot ? [svgOf(curve, caption)] : [])],
+      figures: [...keptOf(this.name).map((each) => make("figure", {}, copyOf(each.picture), make("figcaption", {}, `Kept: ${each.caption}. ${each.said}`))), ...(curve && curve.plot ? [standing(curve, caption)] : [])],
     });
   }
 

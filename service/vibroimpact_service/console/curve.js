@@ -48,7 +48,6 @@ export class Curve {
     /** @type {number | null} */ this.pointed = null;
     /** @type {any} */ this.plot = null;
     this.zoom = options.zoom || new Zoom();
-    /** @type {() => void} */ this.onZoom = () => {};
     this.waiting = false;
     // What moves with every frame or every move of the pointer are elements: nothing is drawn again.
     this.marker = make("div", { class: "marker", hidden: true });
@@ -128,7 +127,7 @@ export class Curve {
     requestAnimationFrame(() => {
       this.waiting = false;
       if (this.plot) this.plot.setData(this.data);
-      this.onZoom();
+      this.zoom.changed();
     });
   }
 
@@ -226,8 +225,28 @@ export class Curve {
     const points = { show: Boolean(each.points), size: each.points || 0, fill: each.open ? colour("card") : stroke, stroke, width: 1.2 };
     return {
       label: each.label, stroke, width: each.width === undefined ? 2 : each.width, dash: each.dash, spanGaps: false, points, pxAlign: 0,
-      ...(each.width === 0 ? { paths: () => null } : {}),
+      paths: each.width === 0 ? () => null : (/** @type {any} */ plot, /** @type {number} */ index) => ({ stroke: this.#path(plot, index) }),
     };
+  }
+
+  /** The line of a series, through each of its points: uPlot's own goes from pixel to pixel where they are many. @param {any} plot @param {number} index */
+  #path(plot, index) {
+    const path = new Path2D();
+    const [xs, ys] = [this.data[0], this.data[index]];
+    let drawn = false;
+    for (let i = 0; i < xs.length; i += 1) {
+      const [x, y] = [xs[i], ys[i]];
+      if (x === null || y === null || y === undefined) {
+        drawn = false;
+        continue;
+      }
+      const [a, b] = [plot.valToPos(x, "x", true), plot.valToPos(y, "y", true)];
+      const [right, down] = this.options.upright ? [b, a] : [a, b];
+      if (drawn) path.lineTo(right, down);
+      else path.moveTo(right, down);
+      drawn = true;
+    }
+    return path;
   }
 
   /** @param {any} plot */
@@ -343,49 +362,4 @@ function pieces(start, stop, dash) {
     if (i % 2 === 0) found.push([at, Math.min(at + dash[i % dash.length], stop)]);
   }
   return found;
-}
-
-/**
- * Return a range of values that shows all of them, with room around.
- * @param {number[]} values
- * @returns {[number, number]}
- */
-export function wholeRange(values) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of values) [low, high] = [Math.min(low, value), Math.max(high, value)];
-  const pad = 0.08 * (high - low || 1);
-  return [low - pad, high + pad];
-}
-
-/**
- * Return a range of values that shows a curve with poles: its outermost parts are cut off.
- * @param {number[]} values
- * @returns {[number, number]}
- */
-export function rangeWithPoles(values) {
-  const used = values.filter(Number.isFinite).sort((a, b) => a - b);
-  if (!used.length) return [-1, 1];
-  /** @param {number} q */
-  const quantile = (q) => used[Math.min(used.length - 1, Math.floor(q * used.length))];
-  const low = Math.min(0, quantile(0.02));
-  const high = Math.max(0, quantile(0.96));
-  const pad = 0.12 * (high - low || 1);
-  return [low < 0 ? low - pad : -0.35 * pad, high + pad];
-}
-
-/**
- * Return the values with gaps where a curve jumps through a pole.
- * @param {number[]} values
- * @param {[number, number]} range
- * @returns {(number | null)[]}
- */
-export function withoutPoles(values, [low, high]) {
-  const height = high - low;
-  return values.map((value, i) => {
-    if (!Number.isFinite(value)) return null;
-    const next = values[i + 1];
-    const jump = next !== undefined && Math.abs(next - value) > 0.6 * height && next * value < 0;
-    // Far outside of the drawing, coordinates of canvases overflow.
-    return jump ? null : Math.min(Math.max(value, low - 3 * height), high + 3 * height);
-  });
 }

@@ -91,6 +91,13 @@ export class DrivenView extends BaseView {
     this.card.destroy();
   }
 
+  zoomed() {
+    super.zoomed();
+    if (!this.curve) return;
+    const [min, max] = this.curve.part("x").map(String);
+    Object.assign(this.slider, { min, max, value: String(fields().Omega ?? min) });
+  }
+
   controls() {
     const now = fields();
     const stops = state.structure.stops.map((stop, i) => /** @type {[string, string]} */ ([String(i), stopName(stop, i)]));
@@ -226,7 +233,7 @@ export class DrivenView extends BaseView {
     for (let index = 0; index < Omega.length; index += every) marked.add(Omega[index]);
     const shownHere = single.filter((each) => each.impacts > 0 && each.height < 4 * top && marked.has(each.Omega));
     curve.show([shownHere.map((each) => each.Omega), ...["phantom", "stable", "neutral", "unstable"].map((each) => shownHere.map((motion) => (stateOf(motion) === each ? motion.height : null)))]);
-    Object.assign(this.slider, { min: String(Omega[0]), max: String(Omega[Omega.length - 1]) });
+    this.zoomed();
     if (fields().Omega !== null) curve.choose(fields().Omega, state.fields.height);
     this.#list(known);
     this.#hover(null);

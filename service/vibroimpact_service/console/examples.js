@@ -20,7 +20,7 @@ export const EXAMPLES = [
   },
   { title: "3. Two masses, each with a stop", view: "modes", structure: () => made("two_mass", { stops: [stop(0, 1, 1), stop(1, 0.5, 0.5)] }) },
   {
-    title: "4. Impact absorber on a vibrating mass", view: "history", fields: { dof: 0, x: 0.4, v: 0, duration: 120, coordinate: 0 },
+    title: "4. Impact absorber on a vibrating mass", view: "history", fields: { dof: 0, x: 0, v: 0.4, duration: 120, coordinate: 0 },
     structure: () => made("absorber", { damping: 0.005, stops: [stop(1, 0.3, 0.3, 0.6, 0)] }),
   },
   { title: "5. Chain of 13 masses, the sixth between stops", view: "modes", structure: () => made("chain", {}) },

@@ -1,5 +1,6 @@
 // A curve as SVG, PNG and numbers: what leaves the page, stands beside another one, or is printed.
 
+import { make } from "./dom.js";
 import { shown } from "./numbers.js";
 import { symbol } from "./symbols.js";
 import { colour } from "./theme.js";
@@ -116,7 +117,7 @@ export function svgOf(curve, caption) {
 function image(curve, into, at) {
   const [[x0, x1], [y0, y1]] = [curve.whole("x"), curve.whole("y")];
   const [[a, b], [c, d]] = [at(x0, y1), at(x1, y0)];
-  into.append(draw("image", { x: a, y: b, width: c - a, height: d - b, preserveAspectRatio: "none", "image-rendering": "pixelated", href: /** @type {HTMLCanvasElement} */ (curve.image).toDataURL() }));
+  into.append(draw("image", { x: a, y: b, width: c - a, height: d - b, preserveAspectRatio: "none", "image-rendering": "pixelated", "data-href": /** @type {HTMLCanvasElement} */ (curve.image).toDataURL() }));
 }
 
 /** @param {Curve} curve @param {SVGElement} root @param {{left: number, top: number, width: number, height: number}} box @param {(x: number, y: number) => [number, number]} at */
@@ -140,15 +141,15 @@ function axes(curve, root, { left, top, width, height }, at) {
 
 /** @param {SVGElement} svg @returns {Blob} */
 export function svgFile(svg) {
-  return new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" });
+  // The page would load an image of an SVG as soon as it is one, which it is not permitted.
+  return new Blob([new XMLSerializer().serializeToString(svg).replaceAll("data-href=", "href=")], { type: "image/svg+xml" });
 }
 
-/** @param {Curve} curve @param {string} caption @returns {Promise<Blob>} what is shown, with a line of text below */
-export function pngFile(curve, caption) {
+/** @param {Curve} curve @param {string} caption @returns {HTMLCanvasElement} what is shown, with a line of text below */
+function canvasOf(curve, caption) {
   const ratio = devicePixelRatio || 1;
   const source = /** @type {HTMLCanvasElement} */ (curve.plot.ctx.canvas);
-  const canvas = document.createElement("canvas");
-  Object.assign(canvas, { width: source.width, height: source.height + CAPTION * ratio });
+  const canvas = make("canvas", { width: source.width, height: source.height + CAPTION * ratio, class: "picture", role: "img", "aria-label": curve.options.label });
   const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   context.fillStyle = colour("card");
   context.fillRect(0, 0, canvas.width, canvas.height);
@@ -157,7 +158,29 @@ export function pngFile(curve, caption) {
   context.font = FONT;
   context.fillStyle = colour("soft");
   context.fillText(caption, 8, canvas.height / ratio - 8);
-  return new Promise((resolve, reject) => { canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The browser makes no picture of this size."))), "image/png"); });
+  return canvas;
+}
+
+/** @param {Curve} curve @param {string} caption @returns {Promise<Blob>} */
+export function pngFile(curve, caption) {
+  return new Promise((resolve, reject) => { canvasOf(curve, caption).toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The browser makes no picture of this size."))), "image/png"); });
+}
+
+/**
+ * Return a curve as it is shown, to stand in the page: images within an SVG are not permitted there.
+ * @param {Curve} curve @param {string} caption @returns {Element}
+ */
+export function standing(curve, caption) {
+  return curve.image ? canvasOf(curve, caption) : svgOf(curve, caption);
+}
+
+/** @param {Element} picture an SVG or a canvas @returns {Element} */
+export function copyOf(picture) {
+  const copy = /** @type {Element} */ (picture.cloneNode(true));
+  if (picture instanceof HTMLCanvasElement && copy instanceof HTMLCanvasElement && picture.width) {
+    /** @type {CanvasRenderingContext2D} */ (copy.getContext("2d")).drawImage(picture, 0, 0);
+  }
+  return copy;
 }
 
 /** @param {(string | number | null)[][]} rows @returns {string} */

@@ -2,7 +2,7 @@
 
 import { button, make } from "./dom.js";
 
-/** @typedef {{svg: SVGElement, caption: string, said: string}} Kept */
+/** @typedef {{picture: Element, caption: string, said: string}} Kept */
 
 /** By the name of their view. @type {Map<string, Kept[]>} */
 const kept = new Map();
@@ -18,12 +18,12 @@ export function compareWith(first, second) {
   location.hash = first;
 }
 
-/** Go on to the view with which the present one is to be compared, if there is one. @param {() => void} keepThis */
-export function goOn(keepThis) {
+/** Go on to the view with which the present one is to be compared, if there is one. @param {() => Promise<void>} keepThis */
+export async function goOn(keepThis) {
   if (next === null) return;
   const address = next;
   next = null;
-  keepThis();
+  await keepThis();
   location.hash = address;
 }
 
@@ -39,7 +39,7 @@ export function keptOf(view) {
 
 /** @param {string} view @param {() => void} changed @returns {HTMLElement[]} the kept curves, with what they are of */
 export function keptFigures(view, changed) {
-  return keptOf(view).map((one, i) => make("figure", { class: "kept", "aria-label": `Kept: ${one.caption}` }, one.svg,
+  return keptOf(view).map((one, i) => make("figure", { class: "kept", "aria-label": `Kept: ${one.caption}` }, one.picture,
     make("figcaption", { class: "hint" }, make("strong", {}, "Kept: "), `${one.caption}. ${one.said} `, button("Remove", () => {
       kept.set(view, keptOf(view).filter((each) => each !== one));
       changed();

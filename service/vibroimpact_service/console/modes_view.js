@@ -2,7 +2,7 @@
 
 import { compute, latest } from "./api.js";
 import { BaseView } from "./base_view.js";
-import { Curve, rangeWithPoles, withoutPoles } from "./curve.js";
+import { Curve } from "./curve.js";
 import { button, make, settled } from "./dom.js";
 import { choiceField, numberField, showError } from "./fields.js";
 import { help } from "./help.js";
@@ -10,6 +10,7 @@ import { energyCurve, introduction, legend, shading, stabilityIn } from "./mode_
 import { MotionCard, spread } from "./motion_card.js";
 import { lowest, natural, rangeOfModes } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
+import { rangeWithPoles, withoutPoles } from "./ranges.js";
 import { setFields, show, state } from "./state.js";
 import { axisName, coordinateName, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
 import { reasonInWords, stabilityInWords, stopName, whyPhantom } from "./words.js";
@@ -84,6 +85,13 @@ export class ModesView extends BaseView {
     super.destroy();
     this.card.destroy();
     if (this.energy) this.energy.destroy();
+  }
+
+  zoomed() {
+    super.zoomed();
+    if (!this.curve) return;
+    const [min, max] = this.curve.part("x").map(String);
+    Object.assign(this.slider, { min, max, value: String(fields().Omega ?? min) });
   }
 
   controls() {
@@ -203,7 +211,7 @@ export class ModesView extends BaseView {
     });
     this.curve.choose(fields().Omega);
     this.curve.show([Omega, ...data]);
-    Object.assign(this.slider, { min: String(Omega[0]), max: String(Omega[Omega.length - 1]) });
+    this.zoomed();
     this.#drawEnergy();
     this.#hover(null);
   }

@@ -1,9 +1,10 @@
 // A moving structure with its waveform beside it, played, paused and scrubbed.
 
-import { Curve, wholeRange } from "./curve.js";
+import { Curve } from "./curve.js";
 import { button, make } from "./dom.js";
 import { interpolated, linspace, shown } from "./numbers.js";
 import { Player, calm } from "./player.js";
+import { wholeRange } from "./ranges.js";
 import { Shape } from "./shape.js";
 import { onTheme, shapeColours } from "./theme.js";
 

@@ -1,6 +1,7 @@
 // A page to be printed, or saved as PDF by the browser: structure, requests, results, errors, digests.
 
 import { button, make } from "./dom.js";
+import { copyOf } from "./figure.js";
 import { natural } from "./natural.js";
 import { shown } from "./numbers.js";
 import { state } from "./state.js";
@@ -18,7 +19,7 @@ export function report({ title, view, figures, result, requests }) {
     page.remove();
     document.body.classList.remove("reporting");
   };
-  const page = make("section", { id: "report", "aria-label": "Report" },
+  const page = make("main", { id: "report", "aria-label": "Report" },
     make("p", { class: "row unprinted" }, button("Print or save as PDF", () => print(), { class: "primary" }), button("Back to the page", close)),
     make("h1", {}, title),
     make("p", {}, `Vibroimpact ${(document.getElementById("version") || document.body).textContent}, ${new Date().toLocaleString()}`),
@@ -56,9 +57,8 @@ function structure() {
 /** @param {HTMLElement} view @returns {HTMLElement[]} pictures of the structure in motion */
 function motion(view) {
   return [...view.querySelectorAll("canvas.shape")].map((each) => {
-    const source = /** @type {HTMLCanvasElement} */ (each);
-    const copy = make("canvas", { class: "picture", width: source.width, height: source.height, role: "img", "aria-label": source.getAttribute("aria-label") });
-    if (source.width) /** @type {CanvasRenderingContext2D} */ (copy.getContext("2d")).drawImage(source, 0, 0);
+    const copy = /** @type {HTMLElement} */ (copyOf(each));
+    copy.className = "picture";
     return copy;
   });
 }

@@ -12,8 +12,7 @@ import { shown } from "./numbers.js";
  * @typedef {import("./envelope.js").Envelope} Envelope
  */
 
-const PAD = 18;
-const BAR = 26; // least pixels of the bar that tells the scale
+const [PAD, BAR] = [18, 26]; // least pixels of the bar that tells the scale
 
 export class Shape {
   /**
@@ -96,6 +95,7 @@ export class Shape {
     context.lineJoin = "round";
     context.lineCap = "round";
     this.places = [];
+    if (width <= 2 * PAD || height <= 2 * PAD) return; // not laid out yet
     const draw = { profile: this.#profile, row: this.#row, pendulum: this.#pendulum, cloud: this.#cloud }[this.geometry.layout];
     draw.call(this, width, height, x, marks);
   }

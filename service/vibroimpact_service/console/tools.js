@@ -46,7 +46,7 @@ export function plotTools({ name, curve, caption, keep, report, compute }) {
   const element = make("details", { class: "tools" },
     make("summary", {}, "Zoom, save, compare, report"),
     make("div", { class: "row", role: "group", "aria-label": "Zoom" },
-      tool("＋", "Zoom in", (now) => now.enlarge("x", 1 / STEP)), tool("－", "Zoom out", (now) => now.enlarge("x", STEP)),
+      tool("+", "Zoom in", (now) => now.enlarge("x", 1 / STEP)), tool("−", "Zoom out", (now) => now.enlarge("x", STEP)),
       tool("◀", "Move to the left", (now) => now.move("x", -0.25)), tool("▶", "Move to the right", (now) => now.move("x", 0.25)),
       tool("All", "Show all of it", (now) => {
         range.querySelectorAll("input").forEach((input) => { input.value = ""; });

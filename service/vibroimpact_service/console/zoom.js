@@ -16,6 +16,7 @@ export class Zoom {
   constructor() {
     /** @type {Range | null} */ this.x = null;
     /** @type {Range | null} */ this.y = null;
+    /** @type {() => void} */ this.changed = () => {};
     /** What it is a part of. @type {Record<Scale, string>} */ this.of = { x: "", y: "" };
   }
 
