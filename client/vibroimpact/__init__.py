@@ -54,8 +54,10 @@ from vibroimpact.requests import (
 )
 from vibroimpact.results import Result
 from vibroimpact.systems import (
+    absorber,
     base_motion,
     base_vibration,
+    beam,
     bouncing_ball,
     chain,
     constraint,
@@ -139,9 +141,11 @@ __all__ = [
     "TooManyRequests",
     "Unavailable",
     "VibroimpactError",
+    "absorber",
     "attractors_request",
     "base_motion",
     "base_vibration",
+    "beam",
     "bouncing_ball",
     "branches_request",
     "chain",

@@ -15,7 +15,7 @@ from vibroimpact.config import connection
 from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError, as_answered
-from vibroimpact.jobs import Job, Submitted
+from vibroimpact.jobs import Job, Jobs, Submitted
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 from vibroimpact.transport import RETRIES, Transport
@@ -197,8 +197,11 @@ class Client(
         """Return a job by its id."""
         return Job(self._transport, self._transport.hold(conversations.job(job_id)))
 
-    def jobs(self, state: str | None = None, kind: str | None = None) -> Iterator[Job]:
-        """Return all jobs, newest first."""
+    def jobs(self, state: str | None = None, kind: str | None = None) -> Jobs:
+        """Return all jobs, newest first: to go through, or to be displayed as a table."""
+        return Jobs(self._each_job(state, kind))
+
+    def _each_job(self, state: str | None, kind: str | None) -> Iterator[Job]:
         params = {key: value for key, value in (("state", state), ("kind", kind)) if value}
         while True:
             page = self._transport.hold(conversations.job_page(params))

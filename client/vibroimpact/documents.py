@@ -680,6 +680,65 @@ class BouncingBall(TypedDict):
     """Acceleration of gravity. Default: 9.81."""
 
 
+class Absorber(TypedDict):
+    """A mass on a spring that carries a small one, coordinate 1.
+
+    M = diag(1, r), K = Omega0² [[1 + r t², -r t²], [-r t², r t²]]. A stop between the two has a
+    direction: dofs [1, 0], weights [1, -1].
+    """
+
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    constraints: Sequence[Constraint]
+    """Limiters; results refer to them by position."""
+    units: NotRequired[Units | None]
+    """Absent: dimensionless."""
+    preset: Literal["absorber"]
+    Omega0: float
+    """Natural angular frequency of the large mass alone."""
+    ratio: NotRequired[float]
+    """Small mass over the large one, r. Default: 0.05."""
+    tuning: NotRequired[float]
+    """Frequency of the small mass alone over Omega0, t; 0: it has no spring, and only its
+    stops hold it. Default: 1.0.
+    """
+
+
+class Beam(TypedDict):
+    """A cantilever of equal Euler-Bernoulli elements.
+
+    Degrees of freedom: deflection and rotation of each node in turn, from the clamp on.
+    """
+
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    constraints: Sequence[Constraint]
+    """Limiters; results refer to them by position."""
+    units: NotRequired[Units | None]
+    """Absent: dimensionless."""
+    preset: Literal["beam"]
+    elements: int
+    """Number of elements; twice as many degrees of freedom."""
+    length: NotRequired[float]
+    """Of the whole beam. Default: 1.0."""
+    EI: NotRequired[float]
+    """Bending stiffness. Default: 1.0."""
+    rhoA: NotRequired[float]
+    """Mass per length. Default: 1.0."""
+
+
 class SystemReference(TypedDict):
     """A system stored by POST /v1/systems."""
 
@@ -1386,7 +1445,15 @@ class Fault(TypedDict):
 
 
 System = (
-    MatrixSystem | Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall | SystemReference
+    MatrixSystem
+    | Chain
+    | Oscillator
+    | TwoMass
+    | DoublePendulum
+    | BouncingBall
+    | Absorber
+    | Beam
+    | SystemReference
 )
 """A structure."""
 

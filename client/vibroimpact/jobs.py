@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import html
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -13,6 +15,7 @@ from vibroimpact import conversations
 from vibroimpact.errors import JobCancelled, JobFailed, ServerError
 from vibroimpact.kinds import read
 from vibroimpact.results import Result
+from vibroimpact.tables import html_table
 from vibroimpact.transport import AsyncTransport, Transport
 
 if TYPE_CHECKING:
@@ -96,6 +99,51 @@ class JobState:
             f"{self.state} <progress max='{total or 1}' value='{done}'></progress> "
             f"{done}/{total} {html.escape(waiting or error)}"
         )
+
+
+class Jobs(Iterator["Job"]):
+    """Jobs, one after the other; displayed, a table of the next ones.
+
+    What is displayed is read from the service then, and still comes when one goes on.
+    """
+
+    def __init__(self, jobs: Iterator[Job]) -> None:
+        self._ahead: deque[Job] = deque()
+        self._jobs = jobs
+
+    def __next__(self) -> Job:
+        """Return the next one."""
+        return self._ahead.popleft() if self._ahead else next(self._jobs)
+
+    def _rows(self) -> list[list[str]]:
+        self._ahead.extend(islice(self._jobs, max(0, _SHOWN_JOBS - len(self._ahead))))
+        return [_row(job.document) for job in islice(self._ahead, _SHOWN_JOBS)]
+
+    def __repr__(self) -> str:
+        """Return a table of the next jobs."""
+        rows = self._rows()
+        if not rows:
+            return "no jobs"
+        widths = [max(map(len, column)) for column in zip(_HEAD, *rows, strict=True)]
+        lines = [_HEAD, *rows]
+        return "\n".join(
+            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+            for line in lines
+        )
+
+    def _repr_html_(self) -> str:
+        return html_table(_HEAD, self._rows())
+
+
+_HEAD = ["id", "state", "done", "created", "kind"]
+_SHOWN_JOBS = 20
+
+
+def _row(document: documents.Job) -> list[str]:
+    done = document["progress"]
+    progress = f"{done['done']}/{done['total']}"
+    created = str(document["created"])[:19].replace("T", " ")
+    return [document["id"], document["state"], progress, created, document["kind"]]
 
 
 class Job(JobState):

@@ -37,6 +37,8 @@ class Plan(dict[str, Any]):
         lines += [f"skipped: {s['what']} – {s['why']}" for s in self["skips"]]
         return "\n".join([*lines, self._cost()])
 
+    __repr__ = __str__
+
     def _cost(self) -> str:
         if self["cached"]:
             return "the result is already stored"

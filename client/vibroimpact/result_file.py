@@ -136,6 +136,15 @@ class ResultFile:
         with reading(self._content) as file:
             return [name for name in self._arrays if not file[name].is_scale]
 
+    def axis_names(self) -> list[str]:
+        """Return the names of the arrays that are axes of the others."""
+        outputs = set(self.outputs())
+        return [name for name in self._arrays if name not in outputs]
+
+    def size_of(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array, without reading it."""
+        return tuple(self._about[name].shape)
+
     def row_counts(self) -> dict[str, int]:
         """Return how many rows each table of an output has."""
         return {

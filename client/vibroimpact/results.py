@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from vibroimpact import natural_modes, notebook, plots, sweep_plots
 from vibroimpact.result_file import ResultFile
+from vibroimpact.summary import summary
 from vibroimpact.tables import Array, Table, html_table
 
 if TYPE_CHECKING:
@@ -126,6 +127,15 @@ class Result(ResultFile):
         if self.kind == "natural-frequencies":
             return f"{text}\n{natural_modes.table(self)}"
         return text
+
+    def __str__(self) -> str:
+        """Return a line for each output: its range, and the largest of its errors."""
+        text = summary(self)
+        if self.sensitivity is not None:
+            text += f"\n  {self.sensitivity}"
+        return (
+            f"{text}\n{natural_modes.table(self)}" if self.kind == "natural-frequencies" else text
+        )
 
     def _repr_html_(self) -> str:
         told = [(name, self._about[name]) for name in self._arrays]

@@ -34,30 +34,51 @@ def draw(
         Name of the output; default: the first one computed.
     at : mapping, optional
         Dimension -> value at which it is held fixed; the nearest one computed is taken.
-        Dimensions of size one may be left out.
+        Dimensions of size one may be left out. Where more than two are left, the axes with most
+        values are drawn, the others held in their middle, which the title says.
     ax : Axes, optional
         Axes to draw in; default: those of a new figure.
 
     Raises
     ------
     ValueError
-        If not one or two dimensions are left.
+        If no dimension is left.
     """
     data = result.to_xarray()
     chosen = output or _first(data)
-    shown = _selected(data[chosen], at or {})
-    admissible = _admissible(data, chosen, at or {})
-    if shown.ndim not in (1, 2):
-        left = ", ".join(str(dim) for dim in shown.dims) or "none"
-        raise ValueError(f"a plot has one or two dimensions; left are: {left}. Fix some by at")
+    held = {**_slice(data[chosen], at or {}), **(at or {})}
+    shown = _selected(data[chosen], held)
+    admissible = _admissible(data, chosen, held)
+    if shown.ndim == 0:
+        raise ValueError(
+            f"a plot has one or two dimensions; {chosen} has one value: {shown.item()}"
+        )
     target = ax or new_axes()
     if shown.ndim == 1:
         _line(shown, admissible, target)
     else:
         _map(shown if admissible is None else shown.where(admissible), target)
-    fixed = [f"{name} = {float(shown[name]):.4g}" for name in at or {} if name in shown.coords]
+    fixed = [
+        f"{name} = {float(shown[name]) if name in shown.coords else value:.4g}"
+        for name, value in held.items()
+    ]
     title(target, ", ".join(fixed))
     return target
+
+
+def _slice(shown: xarray.DataArray, at: Mapping[str, float]) -> dict[str, float]:
+    """Return what to hold fixed where more than two dimensions are left: value of each.
+
+    Drawn are those with coordinates before those without, and among them the longest.
+    """
+    left = [dim for dim in shown.dims if dim not in at and shown.sizes[dim] > 1]
+    order = sorted(left, key=lambda dim: (dim in shown.indexes, shown.sizes[dim]))
+    return {
+        str(dim): float(np.sort(shown[dim].values)[shown.sizes[dim] // 2])
+        if dim in shown.indexes
+        else 0.0
+        for dim in order[:-2]
+    }
 
 
 def _first(data: xarray.Dataset) -> str:

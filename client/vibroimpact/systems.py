@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 
 from vibroimpact.arguments import array, integer, integers, number, numbers, real
+from vibroimpact.structures import Structure
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     Dashpots = Iterable[documents.Dashpot] | documents.Dashpot
 
 Document = dict[str, Any]
+AnyStructure = TypeVar("AnyStructure", bound=Mapping[str, Any])
 
 
 class SparseMatrix(Protocol):
@@ -143,8 +145,7 @@ def chain(
         "stiffness": number("stiffness", stiffness),
         "constraints": _several(constraints),
     }
-    _complete(document, damping, dashpots, influence)
-    return document
+    return _completed(document, damping, dashpots, influence)
 
 
 def oscillator(
@@ -163,8 +164,7 @@ def oscillator(
         "zeta": number("zeta", zeta),
         "constraints": _several(constraints),
     }
-    _complete(document, damping, dashpots, influence)
-    return document
+    return _completed(document, damping, dashpots, influence)
 
 
 def two_mass(
@@ -185,8 +185,7 @@ def two_mass(
         "zeta": number("zeta", zeta),
         "constraints": _several(constraints),
     }
-    _complete(document, damping, dashpots, influence)
-    return document
+    return _completed(document, damping, dashpots, influence)
 
 
 def double_pendulum(
@@ -203,14 +202,89 @@ def double_pendulum(
         "mu": number("mu", mu),
         "constraints": _several(constraints),
     }
-    _complete(document, damping, dashpots, influence)
-    return document
+    return _completed(document, damping, dashpots, influence)
+
+
+def absorber(
+    constraints: Constraints,
+    Omega0: float = 1.0,
+    ratio: float = 0.05,
+    tuning: float = 1.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
+) -> documents.Absorber:
+    """Return a mass on a spring that carries a small one, coordinate 1, between stops.
+
+    Parameters
+    ----------
+    constraints : Constraint or sequence
+        Stops, as ``vi.constraint(gap=0.5, direction={1: 1.0, 0: -1.0})`` between the two.
+    Omega0 : float
+        Natural frequency of the large mass alone.
+    ratio : float
+        Small mass over the large one.
+    tuning : float
+        Frequency of the small mass alone over `Omega0`; 0: it has no spring.
+    damping, dashpots, influence
+        As in `system`.
+    """
+    document: documents.Absorber = {
+        "preset": "absorber",
+        "Omega0": number("Omega0", Omega0),
+        "ratio": number("ratio", ratio),
+        "tuning": number("tuning", tuning),
+        "constraints": _several(constraints),
+    }
+    return _completed(document, damping, dashpots, influence)
+
+
+def beam(
+    elements: int,
+    constraints: Constraints,
+    length: float = 1.0,
+    EI: float = 1.0,
+    rhoA: float = 1.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
+) -> documents.Beam:
+    """Return a cantilever of equal Euler-Bernoulli elements.
+
+    The deflection of its tip is coordinate ``2 * elements - 2``.
+
+    Parameters
+    ----------
+    elements : int
+        Number of elements; each node has a deflection and a rotation.
+    constraints : Constraint or sequence
+        Stops, as ``vi.constraint(dof=2 * elements - 2, gap=0.01)`` at the tip.
+    length, EI, rhoA : float
+        Length of the beam, bending stiffness, mass per length.
+    damping, dashpots, influence
+        As in `system`.
+    """
+    document: documents.Beam = {
+        "preset": "beam",
+        "elements": integer("elements", elements),
+        "length": number("length", length),
+        "EI": number("EI", EI),
+        "rhoA": number("rhoA", rhoA),
+        "constraints": _several(constraints),
+    }
+    return _completed(document, damping, dashpots, influence)
 
 
 def bouncing_ball(constraints: Constraints, g: float = 9.81) -> documents.BouncingBall:
     """Return a ball above a floor, under gravity."""
-    limiters = _several(constraints)
-    return {"preset": "bouncing_ball", "g": number("g", g), "constraints": limiters}
+    document: documents.BouncingBall = {
+        "preset": "bouncing_ball",
+        "g": number("g", g),
+        "constraints": _several(constraints),
+    }
+    return _completed(document, None, (), None)
 
 
 def system(
@@ -264,14 +338,17 @@ def system(
     if units is not None:
         names: Any = dict(units)
         document["units"] = names
-    _complete(document, damping, dashpots, influence)
-    return document
+    return _completed(document, damping, dashpots, influence)
 
 
-def _complete(
-    document: Any, damping: Damping | None, dashpots: Dashpots, influence: ArrayLike | None
-) -> None:
-    """Add the damping of a structure and its base to its document."""
+def _completed(
+    structure: AnyStructure,
+    damping: Damping | None,
+    dashpots: Dashpots,
+    influence: ArrayLike | None,
+) -> AnyStructure:
+    """Return the document of a structure, with its damping and its base."""
+    document: Any = Structure(**structure)
     if isinstance(damping, Mapping):
         document["damping"] = dict(damping)
     elif damping is not None:
@@ -282,6 +359,8 @@ def _complete(
         document["dashpots"] = [dict(each) for each in given]
     if influence is not None:
         document["influence"] = numbers("influence", influence)
+    completed: AnyStructure = document
+    return completed
 
 
 def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:

@@ -364,8 +364,39 @@ class BouncingBall(Preset):
     g: Positive = Field(9.81, description="Acceleration of gravity.")
 
 
+class Absorber(Preset):
+    """A mass on a spring that carries a small one, coordinate 1.
+
+    M = diag(1, r), K = Omega0² [[1 + r t², -r t²], [-r t², r t²]]. A stop between the two has a
+    direction: dofs [1, 0], weights [1, -1].
+    """
+
+    preset: Literal["absorber"]
+    Omega0: Positive = Field(description="Natural angular frequency of the large mass alone.")
+    ratio: Positive = Field(0.05, description="Small mass over the large one, r.")
+    tuning: NonNegative = Field(
+        1.0,
+        description="Frequency of the small mass alone over Omega0, t; 0: it has no spring, and "
+        "only its stops hold it.",
+    )
+
+
+class Beam(Preset):
+    """A cantilever of equal Euler-Bernoulli elements.
+
+    Degrees of freedom: deflection and rotation of each node in turn, from the clamp on.
+    """
+
+    preset: Literal["beam"]
+    elements: Count = Field(description="Number of elements; twice as many degrees of freedom.")
+    length: Positive = Field(1.0, description="Of the whole beam.")
+    EI: Positive = Field(1.0, description="Bending stiffness.")
+    rhoA: Positive = Field(1.0, description="Mass per length.")
+
+
 AnyPreset = Annotated[
-    Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall, Field(discriminator="preset")
+    Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall | Absorber | Beam,
+    Field(discriminator="preset"),
 ]
 
 
@@ -380,4 +411,6 @@ System = Annotated[
         "with preset, or with the id of a stored system",
     ),
 ]
-AnySystem = MatrixSystem | Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall
+AnySystem = (
+    MatrixSystem | Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall | Absorber | Beam
+)

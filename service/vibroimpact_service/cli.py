@@ -92,6 +92,7 @@ def serve(
         migration.migrate(settings)
         logs.to_stderr()
         _say("the service starts; its address is shown when it answers")
+        _say(f"records and results are kept in {settings.data.absolute()}")
         if keys_required and settings.oidc_issuer is None and not any_keys(settings):
             _say(f"there are no keys yet: vibroimpact keys create NAME --data {settings.data}")
     if settings.scheduler is None:
@@ -104,6 +105,7 @@ def serve(
         log.warning("there is no such setting", variable=name)
     for old, new in renamed(os.environ).items():
         log.warning("the setting has a new name", variable=old, now=new)
+    _say("loading the numerical libraries")
     use_case.load()
     # By default, Python would let threads keep the event loop waiting for 5 ms at a time.
     sys.setswitchinterval(0.001)

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import (
     RANGE,
@@ -34,6 +35,8 @@ PARAMETERS: Final[Mapping[str, Mapping[str, str]]] = {
     "two_mass": {"K": "coupling", "C": "zeta"},
     "double_pendulum": {"M": "mu", "K": "mu"},
     "bouncing_ball": {"force": "g"},
+    "absorber": {"M": "ratio", "K": "tuning"},
+    "beam": {"M": "rhoA", "K": "EI"},
 }
 """Presets -> a part of their system -> the parameter that makes it, and is to be blamed."""
 
@@ -117,6 +120,99 @@ def bouncing_ball(
     one, zero = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([0.0])
     with _blamed("bouncing_ball"):
         return System(one, zero, tuple(constraints), force=np.array([-g]), units=units)
+
+
+def absorber(
+    constraints: Sequence[Constraint],
+    Omega0: float,
+    ratio: float = 0.05,
+    tuning: float = 1.0,
+    units: Units | None = None,
+) -> System:
+    """Return a mass on a spring that carries a small one on a spring of its own.
+
+    M = diag(1, r), K = Omega0^2 [[1 + r t^2, -r t^2], [-r t^2, r t^2]] with the ratio r of the
+    masses and the tuning t, the frequency of the small mass alone over that of the large one.
+    Without its spring, t = 0, it is held by its stops only, as in an impact damper.
+    """
+    _require_positive(("Omega0",), Omega0)
+    _require_positive(("ratio",), ratio)
+    _entry("ratio", "M", ratio)
+    if not tuning >= 0.0:
+        raise ModelError(("tuning",), f"tuning is {tuning!r}, not at least 0", code="out_of_range")
+    square = _square("Omega0", Omega0)
+    small = _entry("tuning", "K", square * ratio * tuning * tuning)
+    with _blamed("absorber"):
+        K = np.array([[square + small, -small], [-small, small]])
+        return System(
+            SymmetricMatrix.diagonal([1.0, ratio]),
+            SymmetricMatrix.dense(K),
+            tuple(constraints),
+            units=units,
+        )
+
+
+def beam(
+    constraints: Sequence[Constraint],
+    elements: int,
+    length: float = 1.0,
+    EI: float = 1.0,
+    rhoA: float = 1.0,
+    units: Units | None = None,
+) -> System:
+    """Return a cantilever of equal Euler-Bernoulli elements with consistent masses.
+
+    The degrees of freedom are deflection and rotation of each node in turn, from the clamp on: the
+    deflection of the tip is the last but one.
+    """
+    for name, value in (("elements", elements), ("length", length), ("EI", EI), ("rhoA", rhoA)):
+        _require_positive((name,), value)
+    h = length / elements
+    if not within_range(np.array([h, h * h, h * h * h])):
+        message = f"of elements, whose length is {h!r}: a power of it is out of range"
+        raise ModelError(("length",), message, code="out_of_range")
+    scales = np.array([1.0, h, 1.0, h])
+    stiffness = _entry("EI", "K", EI / (h * h * h)) * np.outer(scales, scales) * _BENDING
+    mass = _entry("rhoA", "M", rhoA * h / 420.0) * np.outer(scales, scales) * _INERTIA
+    with _blamed("beam"):
+        return System(
+            SymmetricMatrix.bands(_assembled(mass, elements)),
+            SymmetricMatrix.bands(_assembled(stiffness, elements)),
+            tuple(constraints),
+            units=units,
+        )
+
+
+_BENDING: Final = np.array(
+    [
+        [12.0, 6.0, -12.0, 6.0],
+        [6.0, 4.0, -6.0, 2.0],
+        [-12.0, -6.0, 12.0, -6.0],
+        [6.0, 2.0, -6.0, 4.0],
+    ]
+)
+"""Stiffness of a beam element of length 1 and EI = 1; rows: w1, theta1, w2, theta2."""
+
+_INERTIA: Final = np.array(
+    [
+        [156.0, 22.0, 54.0, -13.0],
+        [22.0, 4.0, 13.0, -3.0],
+        [54.0, 13.0, 156.0, -22.0],
+        [-13.0, -3.0, -22.0, 4.0],
+    ]
+)
+"""Mass of the same element, times 420, for rho A = 1."""
+
+
+def _assembled(element: Floats, elements: int) -> dict[int, Floats]:
+    """Return the diagonals of a chain of elements whose first node is clamped."""
+    diagonals = {}
+    for offset in range(4):
+        whole = np.zeros(2 * elements + 2 - offset)
+        for row in range(4 - offset):
+            whole[row : row + 2 * elements - 1 : 2] += element[row, row + offset]
+        diagonals[offset] = whole[2:]
+    return {offset: row for offset, row in diagonals.items() if row.size}
 
 
 @contextmanager

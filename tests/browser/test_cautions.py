@@ -196,7 +196,7 @@ def test_so_does_one_that_is_no_number(console: Visit, view: str) -> None:
 def test_so_does_one_of_the_structure(console: Visit) -> None:
     page = console.open("history", ELASTIC, duration=10)
     _done(page)
-    restitution = page.get_by_role("group", name="Stop 0").get_by_label("Restitution")
+    restitution = page.get_by_role("group", name="Stop 0").get_by_label("Restitution", exact=True)
     restitution.fill("1.5")
     expect(page.get_by_text(FORMER)).to_be_visible()
     restitution.fill("0.5")

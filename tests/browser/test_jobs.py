@@ -15,7 +15,8 @@ from tests.browser.visits import Service, Visit, visit
 
 
 def _queue(page: Page) -> None:
-    page.get_by_text("Plan and request").click()
+    if not page.get_by_role("button", name="Queue as a job").is_visible():
+        page.get_by_text("Plan and request").click()
     page.get_by_role("button", name="Queue as a job").click()
     expect(page.locator("#jobs-title")).to_be_visible()
 
@@ -174,3 +175,63 @@ def test_two_users_see_their_own_jobs(
     expect(other.get_by_text("There are no jobs yet.")).to_be_visible()
     context.close()
     own.stop()
+
+
+def test_jobs_have_names_structures_and_a_search(console: Visit) -> None:
+    for points in (701, 702):
+        page = console.open("modes", points=points)
+        expect(page.locator(".readout")).to_contain_text(f"{points} frequencies")
+        _queue(page)
+    rows = page.locator("table.jobs tbody tr")
+    first = rows.first
+    expect(first).to_contain_text("Chain of masses between walls, masses 13")
+    expect(first).to_contain_text(re.compile(r"\d{4}.*job_"))  # with its date
+    name = first.get_by_label(re.compile("^Name of job"))
+    name.fill("the second one")
+    name.press("Enter")
+    # It is kept, and found.
+    page.reload()
+    expect(name).to_have_value("the second one")
+    page.get_by_role("searchbox").fill("SECOND one")
+    expect(page.locator("table.jobs tbody tr:visible")).to_have_count(1)
+    page.get_by_role("searchbox").fill("no such words")
+    expect(page.get_by_text("No job that is loaded has these words.")).to_be_visible()
+    page.get_by_role("searchbox").fill("second")
+    visible = page.locator("table.jobs tbody tr:visible")
+    visible.get_by_role("button", name=re.compile("^Remove")).click()
+    expect(visible).to_have_count(0)
+    page.reload()
+    page.get_by_role("searchbox").fill("second")
+    expect(page.get_by_text("No job that is loaded has these words.")).to_be_visible()
+
+
+def test_two_runs_stand_side_by_side(console: Visit) -> None:
+    for points in (801, 802):
+        page = console.open("modes", {"form": "oscillator"}, points=points)
+        expect(page.locator(".readout")).to_contain_text(f"{points} frequencies")
+        _queue(page)
+    compare = page.get_by_role("button", name="Compare the two chosen")
+    expect(compare).to_be_disabled()
+    boxes = page.get_by_role("checkbox", name=re.compile("^Choose job"))
+    boxes.nth(0).check()
+    boxes.nth(1).check()
+    compare.click()
+    expect(page.locator("figure.kept")).to_contain_text("of 802 frequencies")
+    expect(page.locator(".readout")).to_contain_text("of 801 frequencies")
+
+
+def test_what_views_compute_while_one_looks_is_no_entry_of_the_list(console: Visit) -> None:
+    structure = {"form": "oscillator", "damping": 0.05}
+    with console.page.expect_response("**/compute/branches") as answer:
+        page = console.open("driven", structure, points=40, **{"from": 0.8, "to": 1.2})
+        expect(page.locator(".readout").first).to_contain_text("solutions")
+        if page.get_by_role("button", name="Follow them").count():
+            page.get_by_role("button", name="Follow them").click()
+    job = answer.value.json()["id"][:12]
+    page.get_by_role("link", name="Jobs").click()
+    expect(page.locator("#jobs-title")).to_be_visible()
+    entry = page.locator("table.jobs tbody tr", has_text=job)
+    expect(entry).to_have_count(1)
+    expect(entry).to_be_hidden()
+    page.get_by_label("with those that views made").check()
+    expect(entry).to_be_visible()

@@ -1,65 +1,107 @@
-"""Progress bars in notebooks, and plans as text and as tables."""
+"""What is printed: structures, plans, results and jobs say in a few lines what they are."""
 
 from __future__ import annotations
 
-import sys
-import types
+import json
+import pickle
 from typing import Any
 
+import httpx2
+import numpy as np
 import pytest
 
-from vibroimpact import progress
+import vibroimpact as vi
+from tests.client.test_results import content
+from vibroimpact.jobs import Job, Jobs
 from vibroimpact.plans import Plan
+from vibroimpact.transport import Transport
 
-PLAN = Plan(
-    steps=[
-        {"stage": "spectrum", "method": "dense", "reason": "M & K are full", "count": 1},
-        {"stage": "impulse", "method": "scalar", "reason": "one constraint", "count": 3},
+STOP = vi.constraint(2, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("structure", "said"),
+    [
+        (
+            vi.chain(3, [STOP]),
+            "<Structure chain: n 3, mass 1, stiffness 1; stop at coordinate 2, gap ±0.1>",
+        ),
+        (vi.bouncing_ball([]), "<Structure bouncing_ball: g 9.81; no stop>"),
+        (
+            vi.system(np.eye(2), np.ones(2), STOP, force=[0.0, 1.0], damping=0.02),
+            "<Structure M 2 × 2, K 2 × 2, diagonal; with damping, force; "
+            "stop at coordinate 2, gap ±0.1>",
+        ),
+        (
+            vi.oscillator([vi.constraint(0, {"lower": None, "upper": 0.5}, restitution=0.7)]),
+            "<Structure oscillator: Omega0 1, zeta 0; "
+            "stop at coordinate 0, from -inf to 0.5, restitution 0.7>",
+        ),
+        (
+            vi.oscillator([vi.constraint(0, {"lower": 0.0, "upper": 0.5}, stiffness=3.0)]),
+            "<Structure oscillator: Omega0 1, zeta 0; stop at coordinate 0, from 0 to 0.5, linear>",
+        ),
+        (
+            vi.absorber([vi.constraint(gap=0.5, direction={1: 1.0, 0: -1.0})] * 6),
+            "<Structure absorber: Omega0 1, ratio 0.05, tuning 1; 6 stops "
+            + ", ".join(["at coordinates 1 and 0, gap ±0.5"] * 4)
+            + " and 2 more>",
+        ),
     ],
-    skips=[{"what": "shape", "why": "not <asked>"}],
-    seconds=0.01234,
-    cached=False,
-    inline=True,
-)
+)  # fmt: skip
+def test_a_structure_says_what_it_is(structure: Any, said: str) -> None:
+    assert repr(structure) == said
 
 
-def test_a_plan_reads_as_words() -> None:
-    assert str(PLAN).splitlines() == [
-        "spectrum: dense – M & K are full",
-        "impulse: scalar – one constraint",
-        "skipped: shape – not <asked>",
-        "about 0.012 s of computation, answered directly",
-    ]
-    assert str(Plan(PLAN | {"cached": True})).endswith("the result is already stored")
-    assert str(Plan(PLAN | {"inline": False})).endswith("run as a job")
-    assert PLAN["seconds"] == 0.01234
+def test_a_structure_stays_the_document_that_it_is() -> None:
+    structure = vi.chain(3, [STOP])
+    plain = {
+        "preset": "chain", "n": 3, "mass": 1.0, "stiffness": 1.0, "constraints": [STOP],
+    }  # fmt: skip
+    assert structure == plain
+    assert json.loads(json.dumps(structure)) == plain
+    assert pickle.loads(pickle.dumps(structure)) == plain
 
 
-def test_a_plan_is_a_table_in_notebooks() -> None:
-    shown = PLAN._repr_html_()
-    assert shown.count("<tr>") == 4
-    assert "M &amp; K are full" in shown
-    assert "not &lt;asked&gt;" in shown
+def test_a_plan_is_printed_as_its_steps() -> None:
+    step = {"stage": "modes", "method": "dense", "reason": "it is small", "count": 1}
+    plan = Plan(steps=[step], skips=[], cached=False, inline=True, seconds=0.25)
+    assert repr(plan) == (
+        "modes: dense – it is small\nabout 0.25 s of computation, answered directly"
+    )
 
 
-def test_in_a_notebook_the_bar_is_html(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Doubles of IPython's display: what is shown first and what it becomes."""
-    shown: list[str] = []
-    handle = types.SimpleNamespace(update=shown.append)
+def test_a_result_is_printed_as_the_ranges_of_its_outputs() -> None:
+    head, *lines = str(vi.Result(content(5))).splitlines()
+    assert head == "time-history, result abababababab"
+    assert "  x (5, m): 0 to 4" in lines
+    assert "  impacts: 2 rows" in lines
 
-    def display(first: str, *, display_id: bool) -> Any:
-        assert display_id
-        shown.append(first)
-        return handle
 
-    double = types.ModuleType("IPython.display")
-    double.HTML, double.display = str, display  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
-    monkeypatch.setitem(sys.modules, "IPython.display", double)
-    monkeypatch.setattr(progress, "Console", lambda: types.SimpleNamespace(is_jupyter=True))
-    with progress.bar("sweep") as show:
-        show({"progress": {"done": 2, "total": 7}, "waiting_reason": None, "phase": "a < b"})
-    assert shown[0] == "sweep"
-    assert "value='2'" in shown[1]
-    assert "max='7'" in shown[1]
-    assert "2/7 a &lt; b" in shown[1]
+def test_a_large_output_is_not_read_to_be_printed() -> None:
+    assert "  x (5000000, m)" in str(vi.Result(content(5_000_000))).splitlines()
+
+
+def _jobs(count: int) -> Jobs:
+    def document(i: int) -> Any:
+        return {
+            "id": f"job_{i}", "state": "running", "kind": "ensemble",
+            "progress": {"done": i, "total": 9}, "created": "2026-11-27T23:32:01.5Z",
+        }  # fmt: skip
+
+    transport = Transport(
+        "http://service", 5.0, httpx2.MockTransport(lambda _: httpx2.Response(500))
+    )
+    return Jobs(Job(transport, document(i)) for i in range(count))
+
+
+def test_jobs_are_a_table_and_can_still_be_gone_through() -> None:
+    jobs = _jobs(30)
+    assert next(jobs).id == "job_0"
+    lines = repr(jobs).splitlines()
+    assert lines[0].split() == ["id", "state", "done", "created", "kind"]
+    assert lines[1].split() == ["job_1", "running", "1/9", "2026-11-27", "23:32:01", "ensemble"]
+    assert len(lines) == 21
+    assert "<td" in jobs._repr_html_()
+    assert [job.id for job in jobs] == [f"job_{i}" for i in range(1, 30)]
+    assert repr(_jobs(0)) == "no jobs"

@@ -118,10 +118,19 @@ def test_codes_are_drawn_with_their_meanings() -> None:
     assert [text.get_text() for text in ax.get_yticklabels()] == ["phantom", "admissible"]
 
 
-def test_what_cannot_be_drawn_says_what_is_left() -> None:
-    with pytest.raises(ValueError, match="left are: gap, k, Omega"):
-        draw(played())
-    with pytest.raises(ValueError, match="left are: none"):
+def test_a_slice_is_chosen_where_too_many_dimensions_are_left() -> None:
+    ax = draw(played())
+    # The two longest axes are drawn; the third is held in its middle, as the title says.
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Omega", "gap (m)")
+    assert ax.get_title() == "k = 2"
+    given = draw(played(), at={"k": 2.0})
+    np.testing.assert_array_equal(
+        ax.collections[0].get_array().filled(-1), given.collections[0].get_array().filled(-1)
+    )
+
+
+def test_one_value_is_no_picture() -> None:
+    with pytest.raises(ValueError, match=r"impulse has one value: \d"):
         draw(played(), at={"gap": 0.1, "k": 1.0, "Omega": 1.0})
 
 

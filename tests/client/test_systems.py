@@ -22,6 +22,8 @@ STOP = [vi.constraint(0, 0.1)]
         vi.oscillator(STOP),
         vi.two_mass(STOP, coupling=0.5),
         vi.double_pendulum(STOP, 2.0),
+        vi.absorber(STOP, tuning=0.0, damping=0.01),
+        vi.beam(4, STOP, EI=100.0, rhoA=0.8, damping=0.01),
         vi.bouncing_ball([vi.constraint(0, {"lower": 0.0, "upper": None})]),
         vi.system(np.eye(2), np.eye(2), STOP, C=np.ones(2), force=[0, 1]),
         vi.system(

@@ -52,6 +52,8 @@ def test_every_form_of_a_matrix_survives_the_round_trip(K: Any, form: type) -> N
         ({"preset": "two_mass", "Omega0": 1, "coupling": 1, "zeta": 0}, systems.TwoMass),
         ({"preset": "double_pendulum", "mu": 2}, systems.DoublePendulum),
         ({"preset": "bouncing_ball", "g": 9.81}, systems.BouncingBall),
+        ({"preset": "absorber", "Omega0": 1, "tuning": 0}, systems.Absorber),
+        ({"preset": "beam", "elements": 4, "EI": 100}, systems.Beam),
         ({"id": "sys_" + "0" * 64}, systems.SystemReference),
     ],
 )

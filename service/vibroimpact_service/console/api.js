@@ -1,5 +1,7 @@
 // Requests to the service that delivered this page.
 
+import { remember, submitted } from "./submitted.js";
+
 /**
  * @typedef {{pointer: string, parameter?: string | null, code: string, message: string}} Fault
  * @typedef {{detail?: string, title?: string, errors?: Fault[], request_id?: string}} ProblemDocument
@@ -97,6 +99,8 @@ export async function compute(kind, request, { signal, onJob, queued } = {}) {
   const answer = await send("POST", `/v1/compute/${kind}`, request, headers, signal);
   const document = await answer.json();
   if (answer.status !== 202) return document;
+  // The list of jobs is of those that were queued.
+  remember(document.digest, { looked: true, ...submitted(document.digest) });
   if (onJob) onJob(document);
   // What the page no longer waits for need not be computed.
   if (signal) signal.addEventListener("abort", () => { ask("DELETE", `/v1/jobs/${document.id}`).catch(() => {}); }, { once: true });

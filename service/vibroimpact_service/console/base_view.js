@@ -1,11 +1,17 @@
 // What the views of computations have in common: a form, one computation at a time, its progress.
 
-import { Away, ask, compute } from "./api.js";
+import { Away, ask, compute, latest } from "./api.js";
 import { button, make, settled } from "./dom.js";
 import { hasInvalid, showError } from "./fields.js";
+import { copyOf, standing } from "./figure.js";
+import { goOn, keep, keptFigures, keptOf } from "./kept.js";
 import { duration } from "./numbers.js";
 import { progressLine, working } from "./progress.js";
-import { setFields } from "./state.js";
+import { report } from "./report.js";
+import { setFields, state } from "./state.js";
+import { inWords } from "./structures.js";
+import { plotTools } from "./tools.js";
+import { Zoom } from "./zoom.js";
 
 /** @typedef {{title: string, kind: string, request: any}} Request */
 /** @typedef {(job: import("./api.js").Job) => void} OnJob */
@@ -17,17 +23,29 @@ const FORMER = {
   away: "the service does not answer to the present one.",
 };
 
+/** Milliseconds in which a curve takes the width of its place. */
+const RESIZING = 150;
+
+/** Planned seconds up to which a view follows a slider while it is dragged. */
+const LIVELY = 0.4;
+
 /** Planned seconds up to which what may take long is computed without being asked for. */
 const PATIENCE = 3;
 
 export class BaseView {
   /**
    * @param {HTMLElement} root
-   * @param {{name: string, title: string, hint?: string, pause?: number}} options pause: milliseconds
-   *   after the last change of a field before it is computed
+   * @param {{name: string, title: string, hint?: string, pause?: number, help?: HTMLElement, ranged?: boolean}} options
+   *   pause: milliseconds after the last change of a field before it is computed; ranged: whether the fields
+   *   `from` and `to` are the range of its curve
    */
-  constructor(root, { name, title, hint, pause = 200 }) {
+  constructor(root, { name, title, hint, pause = 200, help, ranged }) {
     this.root = root;
+    this.name = name;
+    this.title = title;
+    /** The part of the curve that is shown. */ this.zoom = new Zoom();
+    this.zoom.changed = () => this.zoomed();
+    /** Whether a slider is being dragged: only the first answer is wanted. */ this.dragged = false;
     /** @type {any} */ this.result = null;
     /** The main drawing. @type {{destroy: () => void} | null} */ this.drawing = null;
     /** @type {AbortController | null} */ this.running = null;
@@ -35,14 +53,22 @@ export class BaseView {
     this.note = make("p", { class: "hint" }, hint);
     this.progress = progressLine();
     this.figure = make("div", { class: "figure" });
+    this.kept = make("div", { class: "beside" });
+    this.tools = plotTools({
+      name, curve: () => this.plotted(), caption: () => `${title}: ${inWords(state.structure)}`, keep: () => this.#keep(), report: () => this.#report(),
+      ...(ranged ? { compute: (from, to) => { this.change({ from, to }); this.toolbar(); } } : {}),
+    });
     this.readout = make("p", { class: "readout" });
     this.caution = make("div", { class: "cautions", role: "status" });
     /** Says that what is shown answers the former input. */
     this.former = make("p", { class: "caution", role: "status" });
     /** Parts of the view that answer the former input, and why. @type {Map<string, string>} */ this.outdated = new Map();
     this.section = make("section", { class: "card", "aria-labelledby": `${name}-title` },
-      make("h2", { id: `${name}-title` }, title), this.form, this.note, this.progress.element, this.caution, this.figure, this.readout);
+      make("h2", { id: `${name}-title` }, title, help), this.form, this.note, this.progress.element, this.caution, this.kept, this.figure, this.readout, this.tools.element);
+    const follow = latest(() => this.#follow());
+    this.follow = () => { follow(undefined); };
     root.append(this.former, this.section);
+    this.#besides();
     this.refresh = settled(pause, () => this.compute());
   }
 
@@ -94,9 +120,63 @@ export class BaseView {
     return (value) => this.change({ [name]: value });
   }
 
+  /** @returns {import("./curve.js").Curve | null} the main curve */
+  plotted() {
+    if (!this.drawing) return null;
+    return /** @type {any} */ ("curve" in this.drawing ? this.drawing.curve : this.drawing);
+  }
+
+  /** The part of the curve that is shown has changed. */
+  zoomed() {
+    this.tools.update();
+  }
+
+  async #keep() {
+    const caption = inWords(state.structure);
+    const [said] = (this.readout.textContent || "").split(". ");
+    // It is drawn in the size in which it will stand there.
+    this.section.classList.add("compared");
+    await new Promise((resolve) => { setTimeout(resolve, RESIZING); });
+    const curve = this.plotted();
+    if (curve && curve.plot) keep(this.name, { picture: standing(curve, ""), caption, said: `${said}.` });
+    this.#besides();
+  }
+
+  #besides() {
+    this.kept.replaceChildren(...keptFigures(this.name, () => this.#besides()));
+    this.section.classList.toggle("compared", this.kept.childElementCount > 0);
+  }
+
+  #report() {
+    const curve = this.plotted();
+    if (!this.result) throw new Error("There is no result to report yet.");
+    const caption = inWords(state.structure);
+    report({
+      title: this.title, view: this.root, result: this.result, requests: this.requests(),
+      figures: [...keptOf(this.name).map((each) => make("figure", {}, copyOf(each.picture), make("figcaption", {}, `Kept: ${each.caption}. ${each.said}`))), ...(curve && curve.plot ? [standing(curve, caption)] : [])],
+    });
+  }
+
+  /** Compute what is seen while a slider is dragged: one request at a time, none of them a job. */
+  async #follow() {
+    const [first] = this.requests();
+    if (!first || hasInvalid()) return;
+    const { seconds, inline, cached } = await ask("POST", `/v1/plan/${first.kind}`, first.request).catch(() => ({}));
+    if (!cached && !(inline && seconds <= LIVELY)) return;
+    this.dragged = true;
+    try {
+      await this.compute();
+    } finally {
+      this.dragged = false;
+    }
+  }
+
   /** Compute anew; what was under way before is given up. */
   async compute() {
     if (this.running) this.running.abort();
+    // Numbers of the address are checked as typed ones are: no request is made of wrong ones.
+    this.checked();
+    if (hasInvalid()) return;
     this.running = new AbortController();
     const { signal } = this.running;
     const before = this.result;
@@ -127,6 +207,9 @@ export class BaseView {
     this.answered("result");
     this.checked();
     this.say([...more, ...(result.neglected || [])]);
+    this.tools.update();
+    // Once it is drawn.
+    requestAnimationFrame(() => goOn(() => this.#keep()));
   }
 
   /** @param {string[]} sentences about what of the structure has no effect */

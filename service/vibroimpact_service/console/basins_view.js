@@ -3,11 +3,12 @@
 import { BaseView } from "./base_view.js";
 import { choiceField, numberField } from "./fields.js";
 import { Heatmap } from "./heatmap.js";
+import { help } from "./help.js";
 import { atTimes, loadFields } from "./loads.js";
 import { time, velocity } from "./natural.js";
 import { linspace, nearest, shown } from "./numbers.js";
 import { setFields, show, state } from "./state.js";
-import { size, systemDocument } from "./structures.js";
+import { coordinateName, size, systemDocument } from "./structures.js";
 
 /** @type {Record<string, {label: string, of: (result: any, i: number, column: number) => number}>} */
 const QUANTITIES = {
@@ -35,7 +36,7 @@ export class BasinsView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
     super(root, {
-      name: "basins", title: "Ensemble of initial states", hint: "Each cell is a motion that starts there, all other coordinates at rest. Click one to see its time history.",
+      name: "basins", help: help("ensemble"), title: "Ensemble of initial states", hint: "Each cell is a motion that starts there, all other coordinates at rest. Click one to see its time history.",
     });
   }
 
@@ -84,7 +85,7 @@ export class BasinsView extends BaseView {
       return result.status[index] === "ok" ? of(result, index, 0) : null;
     }));
     if (this.drawing) this.drawing.destroy();
-    const map = new Heatmap(this.figure, { x: `initial displacement of coordinate ${dof}`, y: "initial velocity", value: label, label: `${label} of ${xs.length * vs.length} motions, over initial displacement and velocity.` });
+    const map = new Heatmap(this.figure, { x: `initial displacement of ${coordinateName(state.structure, dof)}`, y: "initial velocity", value: label, zoom: this.zoom, label: `${label} of ${xs.length * vs.length} motions, over initial displacement and velocity.` });
     this.drawing = map;
     map.show(xs, vs, values);
     map.onHover = (x, y) => {

@@ -8,8 +8,9 @@
  *   the motion before it on its branch */
 
 /** The states of a motion and their lines; they are told apart without colours. */
-const LINES = {
-  stable: { colour: "stable", width: 2.6 },
+/** @satisfies {Record<string, {colour: string, width: number, dash?: number[]}>} */
+export const LINES = {
+  stable: { colour: "stable", width: 2.6, dash: [] },
   neutral: { colour: "neutral", width: 2.2, dash: [10, 3, 2, 3] },
   unstable: { colour: "unstable", width: 1.8, dash: [6, 4] },
   phantom: { colour: "phantom", width: 1, dash: [2, 3] },
@@ -63,7 +64,7 @@ export function lines(motions, special) {
   /** @param {[number, number]} point @param {keyof LINES} next */
   const draw = (point, next) => {
     if (paths.length) paths[paths.length - 1].points.push(point);
-    if (next !== state) paths.push({ ...LINES[next], points: [point] });
+    if (next !== state) paths.push({ ...LINES[next], label: next, points: [point] });
     state = next;
   };
   motions.forEach((motion, i) => {

@@ -5,17 +5,23 @@ import { make } from "./dom.js";
 import { shown } from "./numbers.js";
 import { symbol } from "./symbols.js";
 import { colour, onTheme } from "./theme.js";
+import { logTicks } from "./ticks.js";
+import { Zoom, moved, scaled, within, zoomable } from "./zoom.js";
 
 /**
  * @typedef {{label: string, colour: string, width?: number, dash?: number[], points?: number, open?: boolean,
  *   scale?: string}} Series colours are names of custom properties; points is their diameter
- * @typedef {{start: number, stop: number, colour: string, row?: number, hatched?: boolean}} Band row: in the strip below, from 0
+ * @typedef {{start: number, stop: number, colour: string, row?: number, dash?: number[]}} Band row: in the strip below, from 0
  * @typedef {{at: number, colour: string, label?: string, dash?: number[], width?: number}} Line
- * @typedef {{points: [number, number][], colour: string, width: number, dash?: number[]}} Path in units of the axes
+ * @typedef {{points: [number, number][], colour: string, width: number, dash?: number[], label?: string}} Path in units of the axes
  * @typedef {{x: number, y: number, colour: string, kind?: string}} Mark kind: what `symbol` draws
  * @typedef {{x: string, y: string, series: Series[], height?: number, log?: boolean, upright?: boolean, strip?: number, grid?: boolean,
- *   label: string}} Options log: the values; upright: the axis points up and the values across
+ *   label: string, zoom?: Zoom}} Options log: the values; upright: the axis points up and the values across; zoom: the
+ *   part that is shown, where it outlives the curve
  */
+
+/** Pixels between the numbers of an axis with logarithms, across and upwards. */
+const [ROOM_ACROSS, ROOM_UPWARDS] = [56, 26];
 
 export class Curve {
   /**
@@ -36,10 +42,13 @@ export class Curve {
     /** @type {[number, number] | null} */ this.extent = null;
     /** Where the cursor is, y only where it is at a point. @type {{x: number, y?: number} | null} */ this.chosen = null;
     /** An image behind the curves, over all of both ranges. @type {HTMLCanvasElement | null} */ this.image = null;
+    /** What the image shows, for files of numbers. @type {{label: string, rows: (number | null)[][]} | null} */ this.values = null;
     /** @type {(x: number, y: number) => void} */ this.onPick = () => {};
     /** @type {(index: number | null, x: number, y: number) => void} */ this.onHover = () => {};
     /** @type {number | null} */ this.pointed = null;
     /** @type {any} */ this.plot = null;
+    this.zoom = options.zoom || new Zoom();
+    this.waiting = false;
     // What moves with every frame or every move of the pointer are elements: nothing is drawn again.
     this.marker = make("div", { class: "marker", hidden: true });
     this.cursor = make("div", { class: `marker chosen${options.upright ? " across" : ""}`, hidden: true });
@@ -68,6 +77,8 @@ export class Curve {
   /** @param {(number | null)[][]} data x, then one list for each series */
   show(data) {
     this.data = data;
+    this.zoom.belongsTo("x", String(this.extent));
+    this.zoom.belongsTo("y", this.options.y);
     if (this.plot) this.plot.setData(data);
     else this.render();
   }
@@ -76,7 +87,8 @@ export class Curve {
   point(x) {
     this.pointed = x;
     if (!this.plot) return;
-    this.marker.hidden = x === null;
+    const [low, high] = this.part("x");
+    this.marker.hidden = x === null || x < low || x > high;
     if (x !== null) this.marker.style.transform = `translateX(${this.plot.valToPos(x, "x")}px)`;
   }
 
@@ -90,11 +102,55 @@ export class Curve {
     const { chosen, plot } = this;
     const [low, high] = [plot.scales.x.min, plot.scales.x.max];
     this.cursor.hidden = chosen === null || chosen.x < low || chosen.x > high;
-    this.dot.hidden = this.cursor.hidden || chosen === null || chosen.y === undefined || chosen.y > plot.scales.y.max;
+    this.dot.hidden = this.cursor.hidden || chosen === null || chosen.y === undefined || chosen.y > plot.scales.y.max || chosen.y < plot.scales.y.min;
     if (chosen === null) return;
     const [x, y] = [plot.valToPos(chosen.x, "x"), chosen.y === undefined ? 0 : plot.valToPos(chosen.y, "y")];
     this.cursor.style.transform = this.options.upright ? `translateY(${x}px)` : `translateX(${x}px)`;
     this.dot.style.transform = `translate(${x}px, ${y}px)`;
+  }
+
+  /** @param {import("./zoom.js").Scale} scale @returns {[number, number]} all that there is */
+  whole(scale) {
+    return (scale === "x" ? this.extent : this.range) || [0, 1];
+  }
+
+  /** @param {import("./zoom.js").Scale} scale @returns {[number, number]} what is shown of it */
+  part(scale) {
+    return this.zoom[scale] || this.whole(scale);
+  }
+
+  /** Show a part of an axis. @param {import("./zoom.js").Scale} scale @param {[number, number] | null} part null: all */
+  limit(scale, part) {
+    this.zoom[scale] = part && within(part, this.whole(scale), scale, this.#log(scale));
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      if (this.plot) this.plot.setData(this.data);
+      this.zoom.changed();
+    });
+  }
+
+  /** @param {import("./zoom.js").Scale} scale @param {number} factor above 1: more is shown @param {number} [at] */
+  enlarge(scale, factor, at) {
+    const part = this.part(scale);
+    const middle = this.#log(scale) ? Math.sqrt(part[0] * part[1]) : (part[0] + part[1]) / 2;
+    this.limit(scale, scaled(part, factor, at === undefined ? middle : at, this.#log(scale)));
+  }
+
+  /** @param {import("./zoom.js").Scale} scale @param {number} share of what is shown */
+  move(scale, share) {
+    this.limit(scale, moved(this.part(scale), share, this.#log(scale)));
+  }
+
+  all() {
+    this.limit("x", null);
+    this.limit("y", null);
+  }
+
+  /** @param {import("./zoom.js").Scale} scale */
+  #log(scale) {
+    return scale === "y" && Boolean(this.options.log);
   }
 
   /** Draw bands, lines and marks anew. */
@@ -109,6 +165,10 @@ export class Curve {
     this.plot = new uPlot(/** @type {any} */ (this.#configuration(width)), /** @type {any} */ (this.data), this.root);
     this.plot.over.append(this.cursor, this.dot, this.marker);
     this.#drag(this.plot.over);
+    zoomable(this.plot, {
+      zoom: (scale, factor, at) => this.enlarge(scale, factor, at), pan: (scale, share) => this.move(scale, share), reset: () => this.all(),
+      across: this.options.upright ? "y" : "x", changed: () => this.zoom.x !== null || this.zoom.y !== null,
+    });
   }
 
   /** @param {number} width */
@@ -126,12 +186,19 @@ export class Curve {
     const vertical = { ...axis(upright ? "x" : "y", upright ? "x" : "y"), size: 62, side: 3 };
     const across = { ...axis(upright ? "y" : "x", upright ? "y" : "x"), size: 30 + 8 * strip, gap: 4 + 8 * strip, side: 2 };
     if (upright) Object.assign(across, { space: 60 });
+    if (options.log) {
+      const [of, room] = upright ? [across, ROOM_ACROSS] : [vertical, ROOM_UPWARDS];
+      Object.assign(of, {
+        splits: (/** @type {any} */ plot, /** @type {number} */ _, /** @type {number} */ low, /** @type {number} */ high) => logTicks(low, high, Math.floor((upright ? plot.bbox.width : plot.bbox.height) / (devicePixelRatio || 1) / room)),
+        filter: (/** @type {any} */ _, /** @type {number[]} */ splits) => splits,
+      });
+    }
     return {
       width, height: options.height || 300, padding: [14, 14, 0, 0], legend: { show: false },
       cursor: { drag: { x: false, y: false }, y: false, x: !upright, points: { show: !upright, size: 7 }, focus: { prox: 20 } },
       scales: {
-        x: { time: false, ori: upright ? 1 : 0, range: () => this.extent || [0, 1] },
-        y: { ori: upright ? 0 : 1, ...(options.log ? { distr: 3 } : {}), range: () => this.range || [0, 1] },
+        x: { time: false, ori: upright ? 1 : 0, range: () => this.part("x") },
+        y: { ori: upright ? 0 : 1, ...(options.log ? { distr: 3 } : {}), range: () => this.part("y") },
       },
       axes: [upright ? vertical : across, upright ? across : vertical],
       series: [{}, ...options.series.map((each) => this.#series(each))],
@@ -157,9 +224,29 @@ export class Curve {
     const stroke = colour(each.colour);
     const points = { show: Boolean(each.points), size: each.points || 0, fill: each.open ? colour("card") : stroke, stroke, width: 1.2 };
     return {
-      label: each.label, stroke, width: each.width === undefined ? 2 : each.width, dash: each.dash, spanGaps: false, points,
-      ...(each.width === 0 ? { paths: () => null } : {}),
+      label: each.label, stroke, width: each.width === undefined ? 2 : each.width, dash: each.dash, spanGaps: false, points, pxAlign: 0,
+      paths: each.width === 0 ? () => null : (/** @type {any} */ plot, /** @type {number} */ index) => ({ stroke: this.#path(plot, index) }),
     };
+  }
+
+  /** The line of a series, through each of its points: uPlot's own goes from pixel to pixel where they are many. @param {any} plot @param {number} index */
+  #path(plot, index) {
+    const path = new Path2D();
+    const [xs, ys] = [this.data[0], this.data[index]];
+    let drawn = false;
+    for (let i = 0; i < xs.length; i += 1) {
+      const [x, y] = [xs[i], ys[i]];
+      if (x === null || y === null || y === undefined) {
+        drawn = false;
+        continue;
+      }
+      const [a, b] = [plot.valToPos(x, "x", true), plot.valToPos(y, "y", true)];
+      const [right, down] = this.options.upright ? [b, a] : [a, b];
+      if (drawn) path.lineTo(right, down);
+      else path.moveTo(right, down);
+      drawn = true;
+    }
+    return path;
   }
 
   /** @param {any} plot */
@@ -169,7 +256,12 @@ export class Curve {
     ctx.save();
     if (this.image) {
       ctx.imageSmoothingEnabled = false;
-      ctx.drawImage(this.image, bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      const [[left, right], [low, high]] = [this.whole("x"), this.whole("y")];
+      const [from, top] = [plot.valToPos(left, "x", true), plot.valToPos(high, "y", true)];
+      ctx.drawImage(this.image, from, top, plot.valToPos(right, "x", true) - from, plot.valToPos(low, "y", true) - top);
     }
     for (const band of this.bands) {
       const [a, b] = [band.start, band.stop].map((x) => Math.min(Math.max(plot.valToPos(x, "x", true), bbox.left), bbox.left + bbox.width));
@@ -182,8 +274,7 @@ export class Curve {
       } else {
         ctx.globalAlpha = 1;
         const [top, height] = [bbox.top + bbox.height + (3 + 8 * band.row) * ratio, 6 * ratio];
-        if (!band.hatched) ctx.fillRect(a, top, width, height);
-        else for (let x = a; x < a + width; x += 4 * ratio) ctx.fillRect(x, top, Math.min(2 * ratio, a + width - x), height);
+        for (const [from, to] of pieces(a, a + width, (band.dash || []).map((part) => part * ratio))) ctx.fillRect(from, top, to - from, height);
       }
     }
     ctx.restore();
@@ -252,6 +343,7 @@ export class Curve {
       this.onPick(this.plot.posToVal(x, "x"), this.plot.posToVal(y, "y"));
     };
     over.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
       over.setPointerCapture(event.pointerId);
       pick(event);
     });
@@ -261,47 +353,13 @@ export class Curve {
   }
 }
 
-/**
- * Return a range of values that shows all of them, with room around.
- * @param {number[]} values
- * @returns {[number, number]}
- */
-export function wholeRange(values) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of values) [low, high] = [Math.min(low, value), Math.max(high, value)];
-  const pad = 0.08 * (high - low || 1);
-  return [low - pad, high + pad];
-}
-
-/**
- * Return a range of values that shows a curve with poles: its outermost parts are cut off.
- * @param {number[]} values
- * @returns {[number, number]}
- */
-export function rangeWithPoles(values) {
-  const used = values.filter(Number.isFinite).sort((a, b) => a - b);
-  if (!used.length) return [-1, 1];
-  /** @param {number} q */
-  const quantile = (q) => used[Math.min(used.length - 1, Math.floor(q * used.length))];
-  const low = Math.min(0, quantile(0.02));
-  const high = Math.max(0, quantile(0.96));
-  const pad = 0.12 * (high - low || 1);
-  return [low < 0 ? low - pad : -0.35 * pad, high + pad];
-}
-
-/**
- * Return the values with gaps where a curve jumps through a pole.
- * @param {number[]} values
- * @param {[number, number]} range
- * @returns {(number | null)[]}
- */
-export function withoutPoles(values, [low, high]) {
-  const height = high - low;
-  return values.map((value, i) => {
-    if (!Number.isFinite(value)) return null;
-    const next = values[i + 1];
-    const jump = next !== undefined && Math.abs(next - value) > 0.6 * height && next * value < 0;
-    // Far outside of the drawing, coordinates of canvases overflow.
-    return jump ? null : Math.min(Math.max(value, low - 3 * height), high + 3 * height);
-  });
+/** @param {number} start @param {number} stop @param {number[]} dash @returns {[number, number][]} the dashes of a line */
+function pieces(start, stop, dash) {
+  if (!dash.length) return [[start, stop]];
+  /** @type {[number, number][]} */
+  const found = [];
+  for (let [at, i] = [start, 0]; at < stop; at += dash[i % dash.length], i += 1) {
+    if (i % 2 === 0) found.push([at, Math.min(at + dash[i % dash.length], stop)]);
+  }
+  return found;
 }

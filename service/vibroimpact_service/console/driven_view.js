@@ -7,12 +7,13 @@ import { between, branchesOf, lines, motionsOf, placesOf, specialPoints, stateOf
 import { Curve } from "./curve.js";
 import { button, make } from "./dom.js";
 import { choiceField, numberField } from "./fields.js";
+import { help } from "./help.js";
 import { loadFields } from "./loads.js";
 import { MotionCard, spread } from "./motion_card.js";
 import { amplitude, natural, rangeOfDrive } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
 import { setFields, setStructure, show, state } from "./state.js";
-import { FORMS, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { FORMS, axisName, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
 import { reasonInWords, stopName } from "./words.js";
 
 /** @typedef {import("./branch_curves.js").Motion} Motion */
@@ -63,7 +64,7 @@ function impactsOf(text) {
 export class DrivenView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
-    super(root, { name: "driven", title: "Driven response", pause: 150 });
+    super(root, { name: "driven", title: "Driven response", pause: 150, help: help("branch"), ranged: true });
     /** @type {any} */ this.branches = null;
     /** @type {Motion[]} */ this.motions = [];
     /** @type {Curve | null} */ this.curve = null;
@@ -88,6 +89,13 @@ export class DrivenView extends BaseView {
   destroy() {
     super.destroy();
     this.card.destroy();
+  }
+
+  zoomed() {
+    super.zoomed();
+    if (!this.curve) return;
+    const [min, max] = this.curve.part("x").map(String);
+    Object.assign(this.slider, { min, max, value: String(fields().Omega ?? min) });
   }
 
   controls() {
@@ -151,6 +159,7 @@ export class DrivenView extends BaseView {
     const wanted = { Omega: fields().Omega, height: state.fields.height };
     if (wanted.Omega !== null) this.#move(wanted.Omega, wanted.height);
     else this.#first();
+    if (this.dragged) return;
     const { Omega, height } = state.fields;
     await this.offered(branches, {
       place: this.branchNote, act: "Follow them",
@@ -197,7 +206,7 @@ export class DrivenView extends BaseView {
     const count = single.filter(({ exists, impacts }) => exists && impacts > 0).length;
     const known = special.filter(({ exists }) => exists);
     this.curve = this.drawing = new Curve(holder, {
-      x: "frequency Ω of the drive", y: `amplitude of coordinate ${coordinate}`, height: 340,
+      x: "frequency Ω of the drive", y: `amplitude of ${coordinateName(state.structure, coordinate)}`, height: 340, zoom: this.zoom,
       label: `Amplitude over the drive's frequency: ${count} admissible motions with impacts, ${linear.filter(({ exists }) => exists).length} without${branches ? `; ${known.length} special points of ${struck.length} branches` : ""}.`,
       series: [
         { label: "phantom", colour: "phantom", width: 0, points: 2 },
@@ -224,7 +233,7 @@ export class DrivenView extends BaseView {
     for (let index = 0; index < Omega.length; index += every) marked.add(Omega[index]);
     const shownHere = single.filter((each) => each.impacts > 0 && each.height < 4 * top && marked.has(each.Omega));
     curve.show([shownHere.map((each) => each.Omega), ...["phantom", "stable", "neutral", "unstable"].map((each) => shownHere.map((motion) => (stateOf(motion) === each ? motion.height : null)))]);
-    Object.assign(this.slider, { min: String(Omega[0]), max: String(Omega[Omega.length - 1]) });
+    this.zoomed();
     if (fields().Omega !== null) curve.choose(fields().Omega, state.fields.height);
     this.#list(known);
     this.#hover(null);
@@ -319,6 +328,7 @@ export class DrivenView extends BaseView {
     const good = solution.exists[best];
     const failed = good || solution.witness[best] === null ? null : ((solution.witness[best] % 1) + 1) % 1;
     this.card.show({
+      name: (dof) => coordinateName(state.structure, dof), axis: (dof) => axisName(state.structure, dof),
       geometry, stops: state.structure.stops, rows, row: (s) => s * (TAU.length - 1), coordinate,
       marks: (s) => impacts.filter((/** @type {any} */ impact) => Math.min(Math.abs(s - impact.place), 1 - Math.abs(s - impact.place)) < 0.025),
       points: failed === null || coordinate >= geometry.n ? [] : [{ x: failed, y: rows[Math.round(failed * (TAU.length - 1))][coordinate], colour: "alarm" }],

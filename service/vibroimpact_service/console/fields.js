@@ -32,7 +32,10 @@ export function numberField(label, value, onInput, { pointer, whole, min, max, e
       if (empty !== undefined) onInput(null);
     } else onInput(Number(input.value));
   });
-  return make("div", { class: "field" }, make("label", { for: input.id }, label), input, note);
+  const field = make("div", { class: "field" }, make("label", { for: input.id }, label), input, note);
+  // A number of the address can be wrong, too.
+  if (!input.checkValidity()) tellFault(input, input.validationMessage);
+  return field;
 }
 
 /**

@@ -17,14 +17,14 @@ function mapped(share) {
 export class Heatmap {
   /**
    * @param {HTMLElement} root
-   * @param {{x: string, y: string, value: string, label: string}} options
+   * @param {{x: string, y: string, value: string, label: string, zoom?: import("./zoom.js").Zoom}} options
    */
   constructor(root, options) {
     this.options = options;
     this.scale = make("div", { class: "scale" });
     const holder = make("div");
     root.replaceChildren(holder, this.scale);
-    this.curve = new Curve(holder, { x: options.x, y: options.y, height: 420, grid: false, label: options.label, series: [{ label: "", colour: "line" }] });
+    this.curve = new Curve(holder, { x: options.x, y: options.y, height: 420, grid: false, label: options.label, zoom: options.zoom, series: [{ label: "", colour: "line" }] });
     /** @type {(x: number, y: number) => void} */ this.onPick = () => {};
     /** @type {(x: number, y: number) => void} */ this.onHover = () => {};
     this.curve.onPick = (x, y) => this.onPick(x, y);
@@ -62,6 +62,7 @@ export class Heatmap {
     };
     this.curve.extent = edges(xs);
     this.curve.range = edges(ys);
+    this.curve.values = { label: this.options.value, rows: ys.flatMap((y, j) => xs.map((x, i) => [x, y, values[j][i]])) };
     this.curve.show([[xs[0], xs[xs.length - 1]], [null, null]]);
     const bar = make("canvas", { width: 128, height: 1, class: "bar", "aria-hidden": "true" });
     const barContext = /** @type {CanvasRenderingContext2D} */ (bar.getContext("2d"));

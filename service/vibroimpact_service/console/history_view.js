@@ -4,17 +4,19 @@
 import { compute } from "./api.js";
 import { BaseView } from "./base_view.js";
 import { Clicks } from "./clicks.js";
-import { Curve, wholeRange } from "./curve.js";
+import { Curve } from "./curve.js";
 import { button, make } from "./dom.js";
 import { choiceField, numberField, switchField } from "./fields.js";
+import { help } from "./help.js";
 import { atTimes, loadFields } from "./loads.js";
 import { spread } from "./motion_card.js";
 import { rangeOfModes, time, velocity } from "./natural.js";
 import { interpolated, shown } from "./numbers.js";
 import { Player, calm } from "./player.js";
 import { Shape } from "./shape.js";
+import { wholeRange } from "./ranges.js";
 import { setFields, state } from "./state.js";
-import { geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { axisName, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /** @returns {Record<string, any>} */
@@ -38,7 +40,7 @@ function duration() {
 export class HistoryView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
-    super(root, { name: "history", title: "Time history" });
+    super(root, { name: "history", title: "Time history", help: help("horizon") });
     /** With soft stops. @type {any} */ this.soft = null;
     /** @type {Curve | null} */ this.curve = null;
     /** @type {{shape: Shape, rows: ArrayLike<number>[], impacts: any, x: Float64Array}[]} */ this.moving = [];
@@ -52,8 +54,8 @@ export class HistoryView extends BaseView {
     this.sound = switchField("sound of impacts", false, (on) => this.clicks.enable(on), { name: "sound" });
     this.shapes = make("div", { class: "shapes" });
     this.figure.before(this.shapes, make("div", { class: "controls" }, this.play, this.scrub, this.speed, this.time, this.sound));
-    this.section.append(
-      make("ul", { class: "legend" }, ...[["thick", "rigid stops"], ["soft", "soft stops"], ["tick", "impact"], ["horizon", "beyond the horizon of trust"]].map(([kind, text]) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text))));
+    this.legend = make("ul", { class: "legend" });
+    this.section.append(this.legend);
     this.player = new Player((place, from) => this.#frame(place, from), { seconds: 15, again: false });
     this.player.onState = () => { this.play.textContent = this.player.playing ? "Pause" : "Play"; };
     this.scrub.addEventListener("input", () => this.#seek(Number(this.scrub.value)));
@@ -171,8 +173,8 @@ export class HistoryView extends BaseView {
     const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
     const met = compliant ? `${rests} contacts` : `${count} impacts`;
     this.curve = this.drawing = new Curve(holder, {
-      x: "time t", y: `x of coordinate ${rigid.dof[column]}`, height: 260, strip: 1,
-      label: `Displacement of coordinate ${rigid.dof[column]} over time with ${met}${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
+      x: "time t", y: axisName(state.structure, rigid.dof[column]), height: 260, strip: 1, zoom: this.zoom,
+      label: `Displacement of ${coordinateName(state.structure, rigid.dof[column])} over time with ${met}${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
       series: [{ label: "rigid", colour: "accent", width: 1.6 }, { label: "soft", colour: "soft-curve", width: 1.3, dash: [5, 3] }],
     });
     this.curve.levels = state.structure.stops.filter((stop) => stop.dof === coordinate && stop.relativeTo === null)
@@ -195,6 +197,8 @@ export class HistoryView extends BaseView {
   #show() {
     const geometry = geometryOf(state.structure);
     const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
+    const kinds = [["thick", compliant ? "stops with stiffness" : "rigid stops"], ...(this.soft ? [["soft", "soft stops"]] : []), ["tick", compliant ? "contact" : "impact"], ["horizon", "beyond the horizon of trust"]];
+    this.legend.replaceChildren(...kinds.map(([kind, text]) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text)));
     const results = [[compliant ? "stops with stiffness" : "rigid stops", this.result], ...(this.soft ? [["soft stops", this.soft]] : [])];
     this.shapes.replaceChildren();
     this.moving = results.map(([name, result]) => {

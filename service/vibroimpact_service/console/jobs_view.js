@@ -2,9 +2,10 @@
 
 import { Problem, ask, follow, send } from "./api.js";
 import { button, download, make } from "./dom.js";
-import { showError } from "./fields.js";
+import { showError, switchField } from "./fields.js";
+import { compareWith } from "./kept.js";
 import { asCurl, asPython } from "./request_panel.js";
-import { submitted } from "./submitted.js";
+import { remember, submitted } from "./submitted.js";
 import { duration } from "./numbers.js";
 
 /** @typedef {import("./api.js").Job} Job */
@@ -18,10 +19,13 @@ export class JobsView {
     /** @type {string | null} */ this.state = null;
     this.filter = make("select", { "aria-label": "Only jobs in this state", onchange: () => this.update() },
       ...["all", "queued", "running", "succeeded", "failed", "cancelled"].map((each) => make("option", {}, each)));
-    const heads = ["Created", "Kind", "State", "Progress", "Attempts", "Acts"].map((text) => make("th", { scope: "col" }, text));
+    this.search = make("input", { type: "search", placeholder: "Search", "aria-label": "Search jobs by name, structure, kind, state or id", oninput: () => this.#sift() });
+    this.looked = switchField("with those that views made while one looked", false, () => this.#sift(), { name: "looked" });
+    this.compare = button("Compare the two chosen", () => this.#compare(), { disabled: true });
+    const heads = ["", "Created", "Name", "Structure", "Kind", "State", "Progress", "Attempts", "Acts"].map((text) => make("th", { scope: "col" }, text));
     this.table = make("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Table of jobs" }, make("table", { class: "jobs" }, make("thead", {}, make("tr", {}, ...heads)), this.body));
     this.more = button("Older jobs", () => this.#load(this.next), { hidden: true });
-    root.append(make("section", { class: "card", "aria-labelledby": "jobs-title" }, make("h2", { id: "jobs-title" }, "Jobs"), make("p", { class: "row" }, this.filter), this.live, this.empty, this.table, this.more));
+    root.append(make("section", { class: "card", "aria-labelledby": "jobs-title" }, make("h2", { id: "jobs-title" }, "Jobs"), make("p", { class: "row" }, this.filter, this.search, this.looked, this.compare), this.live, this.empty, this.table, this.more));
     /** @type {Map<string, HTMLTableRowElement>} */ this.rows = new Map();
     this.stop = new AbortController();
     /** @type {string | null} */ this.next = null;
@@ -53,8 +57,33 @@ export class JobsView {
     for (const job of page.jobs) this.#add(job, false);
     this.next = page.next;
     this.more.hidden = !page.next;
-    this.empty.hidden = this.rows.size > 0;
-    this.table.hidden = this.rows.size === 0;
+    this.#sift();
+  }
+
+  /** Show the rows that are asked for. */
+  #sift() {
+    const words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const looked = /** @type {HTMLInputElement} */ (this.looked.querySelector("input")).checked;
+    let count = 0;
+    for (const row of this.rows.values()) {
+      const text = `${row.textContent} ${row.dataset.text}`.toLowerCase();
+      row.hidden = row.dataset.removed === "true" || (row.dataset.looked === "true" && !looked) || !words.every((word) => text.includes(word));
+      count += Number(!row.hidden);
+    }
+    this.empty.hidden = count > 0;
+    this.empty.textContent = words.length ? "No job that is loaded has these words." : "There are no jobs yet. Any computation can be queued as one, below its view.";
+    this.table.hidden = count === 0;
+  }
+
+  /** @returns {string[]} addresses of the jobs that are chosen */
+  #chosen() {
+    return [...this.body.querySelectorAll("input[name=chosen]:checked")].map((each) => /** @type {HTMLInputElement} */ (each).value);
+  }
+
+  #compare() {
+    const [first, second] = this.#chosen();
+    if (first.split("?")[0] !== second.split("?")[0]) showError(new Error("Only two jobs of the same view stand beside one another."));
+    else compareWith(first, second);
   }
 
   /** Jobs queued elsewhere appear too. */
@@ -63,8 +92,7 @@ export class JobsView {
     try {
       const page = await ask("GET", "/v1/jobs?limit=10", undefined, this.stop.signal);
       for (const job of [...page.jobs].reverse()) if (!this.rows.has(job.id)) this.#add(job, true);
-      this.empty.hidden = this.rows.size > 0;
-      this.table.hidden = this.rows.size === 0;
+      this.#sift();
     } catch (error) {
       if (!(error instanceof Problem)) showError(error);
     }
@@ -93,10 +121,21 @@ export class JobsView {
     const took = job.started && job.finished ? duration((Date.parse(job.finished) - Date.parse(job.started)) / 1000) : "";
     const history = make("ul", { class: "attempts" });
     const attempts = job.attempts ? make("details", { ontoggle: () => { this.#history(job, history).catch(showError); } }, make("summary", {}, String(job.attempts)), history) : "0";
-    /** @param {...(Node | string)} content */
+    /** @param {...(Node | string | null)} content */
     const cell = (...content) => make("td", {}, ...content);
+    const known = submitted(job.digest);
+    const of = `job ${job.id.slice(4, 12)}`;
+    const name = make("input", { value: known.name || "", placeholder: "unnamed", "aria-label": `Name of ${of}`, class: "named" });
+    name.addEventListener("change", () => {
+      remember(job.digest, { name: name.value.trim() });
+      row.dataset.text = `${name.value} ${job.id} ${job.digest}`;
+    });
+    Object.assign(row.dataset, { text: `${known.name || ""} ${job.id} ${job.digest}`, looked: String(Boolean(known.looked)), removed: String(Boolean(known.removed)) });
+    const choose = known.address ? make("input", { type: "checkbox", name: "chosen", value: known.address, "aria-label": `Choose ${of}`, onchange: () => { this.compare.disabled = this.#chosen().length !== 2; } }) : null;
+    const open = row.contains(document.activeElement) ? document.activeElement : null;
+    if (open instanceof HTMLInputElement && open.className === "named") return;
     row.replaceChildren(
-      cell(new Date(job.created).toLocaleTimeString(), make("br"), make("code", {}, job.id.slice(0, 12))),
+      cell(choose), cell(new Date(job.created).toLocaleString(), make("br"), make("code", {}, job.id.slice(0, 12))), cell(name), cell(known.structure || "–"),
       cell(job.kind), cell(make("span", { class: { succeeded: "good", failed: "bad" }[job.state] || "" }, job.reused ? `${job.state}, known before` : job.state), make("br"), make("small", {}, why || took)),
       cell(progress, ` ${job.progress.done}/${job.progress.total}`), cell(attempts), this.#acts(job));
   }
@@ -120,12 +159,26 @@ export class JobsView {
     }
     if (job.state === "succeeded") acts.push(act("JSON", saved("application/json", "json")), act("HDF5", saved("application/x-hdf5", "h5")));
     if (job.state === "failed") acts.push(act("Retry", () => ask("POST", `/v1/jobs/${job.id}/retry`).then(() => this.update())));
-    if (known) {
-      if (job.state === "cancelled") acts.push(act("Submit again", () => this.#again(known)));
-      acts.push(make("a", { href: known.address, "aria-label": `Open the view of ${of}` }, "open and change"));
-      acts.push(act("curl", () => navigator.clipboard.writeText(asCurl(known.kind, known.request))), act("Python", () => navigator.clipboard.writeText(asPython(known.kind, known.request))));
+    const { kind, request, address } = known;
+    if (kind && request) {
+      if (job.state === "cancelled") acts.push(act("Submit again", () => this.#again({ kind, request })));
+      acts.push(act("curl", () => navigator.clipboard.writeText(asCurl(kind, request))), act("Python", () => navigator.clipboard.writeText(asPython(kind, request))));
+    }
+    if (address) acts.push(make("a", { href: address, "aria-label": `Open the view of ${of}` }, "open and change"));
+    // Its record and its result stay at the service as long as it keeps them.
+    if (job.final) {
+      acts.push(act("Remove", async () => {
+        remember(job.digest, { removed: true });
+        this.#remove(job.digest);
+      }));
     }
     return make("td", { class: "acts" }, ...acts);
+  }
+
+  /** Take the jobs of a result off this list. @param {string} digest */
+  #remove(digest) {
+    for (const row of this.rows.values()) if ((row.dataset.text || "").endsWith(digest)) row.dataset.removed = "true";
+    this.#sift();
   }
 
   /**

@@ -11,12 +11,12 @@ import { MapView } from "./map_view.js";
 import { ModesView } from "./modes_view.js";
 import { learn } from "./natural.js";
 import { requestPanel } from "./request_panel.js";
-import { onChange, readAddress, show, state } from "./state.js";
+import { note, onChange, readAddress, show, state } from "./state.js";
 import { loaded, structurePanel } from "./structure_panel.js";
 
 /**
  * A view: it draws itself for the structure and the fields of the address.
- * @typedef {{update: () => void | Promise<void>, requests: () => {title: string, kind: string, request: any}[],
+ * @typedef {{update: () => void | Promise<void>, follow?: () => void, requests: () => {title: string, kind: string, request: any}[],
  *   checked?: () => void, destroy: () => void}} View
  */
 
@@ -54,6 +54,8 @@ async function open() {
   }
   document.body.dataset.view = state.view;
   clearFaults();
+  if (note.refused) showError(new Error(note.refused));
+  note.refused = "";
   await refresh();
 }
 
@@ -130,6 +132,11 @@ async function watchHealth() {
 
 // A view has changed numbers of the structure: its form shows them.
 addEventListener("structure-filled", () => panel.rebuild());
+// A slider of the structure is being dragged.
+addEventListener("structure-moving", () => {
+  panel.drawStill();
+  if (current && current.follow) current.follow();
+});
 addEventListener("input-checked", () => { if (current && current.checked) current.checked(); });
 addEventListener("service-away", watchHealth);
 addEventListener("natural-known", refresh);

@@ -3,6 +3,7 @@
 import { BaseView } from "./base_view.js";
 import { choiceField, numberField } from "./fields.js";
 import { Heatmap } from "./heatmap.js";
+import { help } from "./help.js";
 import { rangeOfModes } from "./natural.js";
 import { nearest, shown } from "./numbers.js";
 import { show, state } from "./state.js";
@@ -51,7 +52,7 @@ function fields() {
 export class MapView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
-    super(root, { name: "map", title: "Map of impact modes", hint: "Empty where there is no admissible impact mode. Click a point to see it move." });
+    super(root, { name: "map", help: help("map"), title: "Map of impact modes", hint: "Empty where there is no admissible impact mode. Click a point to see it move." });
   }
 
   controls() {
@@ -99,7 +100,7 @@ export class MapView extends BaseView {
     const values = rows.map((/** @type {number} */ _, /** @type {number} */ j) => Omega.map((/** @type {number} */ _2, /** @type {number} */ i) => (result.exists[j] && result.exists[j][i] && result.certified[j][i] ? value(j, i) : null)));
     if (this.drawing) this.drawing.destroy();
     const name = choice ? choice.label : "";
-    const map = new Heatmap(this.figure, { x: "fundamental frequency Ω", y: name, value: QUANTITIES[quantity], label: `${QUANTITIES[quantity]} over frequency and ${name}; empty where no impact mode is admissible.` });
+    const map = new Heatmap(this.figure, { x: "fundamental frequency Ω", y: name, value: QUANTITIES[quantity], zoom: this.zoom, label: `${QUANTITIES[quantity]} over frequency and ${name}; empty where no impact mode is admissible.` });
     this.drawing = map;
     map.show(Omega, rows, values);
     map.onHover = (x, y) => {

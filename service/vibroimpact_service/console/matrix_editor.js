@@ -1,9 +1,10 @@
-// A small editor of mass and stiffness matrices, entry by entry; symmetric entries go together.
+// A small editor of mass, stiffness and damping matrices, entry by entry; symmetric entries go together.
 
 import { make } from "./dom.js";
-import { numberField } from "./fields.js";
+import { numberField, switchField } from "./fields.js";
+import { LARGEST } from "./structures.js";
 
-const LARGEST = 8;
+/** @typedef {"M" | "K" | "C"} Name */
 
 /**
  * @param {import("./structures.js").Structure} structure whose matrices are lists of rows
@@ -12,15 +13,21 @@ const LARGEST = 8;
  */
 export function matrixEditor(structure, changed) {
   const box = make("div", { class: "matrices" });
-  const matrices = /** @type {{M: number[][], K: number[][]}} */ (structure.matrices);
+  const matrices = /** @type {{M: number[][], K: number[][], C?: number[][]}} */ (structure.matrices);
+
+  /** @returns {Name[]} */
+  function names() {
+    return matrices.C ? ["M", "K", "C"] : ["M", "K"];
+  }
 
   /** @param {number} n */
   function resize(n) {
-    for (const name of /** @type {("M" | "K")[]} */ (["M", "K"])) {
-      const old = matrices[name];
+    for (const name of names()) {
+      const old = /** @type {number[][]} */ (matrices[name]);
       // New masses are coupled to their neighbours as the others are.
       matrices[name] = Array.from({ length: n }, (_, i) => Array.from({ length: n }, (_2, j) => {
         if (i < old.length && j < old.length) return old[i][j];
+        if (name === "C") return 0;
         if (name === "M") return i === j ? 1 : 0;
         return i === j ? 2 : Math.abs(i - j) === 1 ? -1 : 0;
       }));
@@ -34,12 +41,19 @@ export function matrixEditor(structure, changed) {
     box.replaceChildren(
       numberField("Degrees of freedom", n, (value) => resize(/** @type {number} */ (value)), { whole: true, min: 1, max: LARGEST }),
       table("M", "Mass"), table("K", "Stiffness"),
+      switchField("Damping matrix C", matrices.C !== undefined, (on) => {
+        if (on) matrices.C = matrices.K.map((row) => row.map(() => 0));
+        else delete matrices.C;
+        rebuild();
+        changed();
+      }, { name: "damping-matrix" }),
+      ...(matrices.C ? [table("C", "Damping")] : []),
     );
   }
 
-  /** @param {"M" | "K"} name @param {string} title */
+  /** @param {Name} name @param {string} title */
   function table(name, title) {
-    const rows = matrices[name];
+    const rows = /** @type {number[][]} */ (matrices[name]);
     const body = rows.map((row, i) => make("tr", {}, ...row.map((value, j) => {
       const input = make("input", { type: "number", step: "any", "aria-label": `${name} ${i}, ${j}`, value, required: true });
       input.addEventListener("input", () => {

@@ -1,10 +1,15 @@
 // What the results of a family of impact modes show: bands, stability, frequency over energy.
 
+import { LINES } from "./branch_curves.js";
 import { Curve } from "./curve.js";
 import { make } from "./dom.js";
+import { help, inShort } from "./help.js";
 import { NEUTRAL } from "./words.js";
 
 /** @typedef {import("./curve.js").Band} Band */
+
+/** Dashes of bands that are those of the computed frequencies only. */
+const ESTIMATED = [2, 2];
 
 /**
  * Return the bands behind the curve and in the strip below it: certified ones with their stability,
@@ -16,8 +21,8 @@ import { NEUTRAL } from "./words.js";
 export function shading(grid, bands) {
   if (!bands) return sampled(grid);
   return [
-    ...bands.bands.flatMap((/** @type {any} */ each) => [{ ...span(each), colour: "band" }, { ...span(each), colour: "accent", row: 0, hatched: !each.certified }]),
-    ...(bands.stability || []).map((/** @type {any} */ each) => ({ ...span(each), colour: isNeutral(each) ? "neutral" : "unstable", row: 1, hatched: !isNeutral(each) })),
+    ...bands.bands.flatMap((/** @type {any} */ each) => [{ ...span(each), colour: "band" }, { ...span(each), colour: "accent", row: 0, ...(each.certified ? {} : { dash: ESTIMATED }) }]),
+    ...(bands.stability || []).map((/** @type {any} */ each) => ({ ...span(each), row: 1, ...styleOf(each) })),
   ];
 }
 
@@ -28,7 +33,7 @@ function sampled({ exists, frequency: { Omega } }) {
   for (let i = 0; i < exists.length; i += 1) {
     if (!exists[i]) continue;
     if (exists[i - 1]) ranges[ranges.length - 1].stop = Omega[i];
-    else ranges.push({ start: Omega[i], stop: Omega[i], colour: "accent", row: 0, hatched: true });
+    else ranges.push({ start: Omega[i], stop: Omega[i], colour: "accent", row: 0, dash: ESTIMATED });
   }
   return ranges;
 }
@@ -44,6 +49,12 @@ function span({ start, stop }) {
  */
 function isNeutral(each) {
   return each.stable === true || each.stable === "yes";
+}
+
+/** @param {any} each range of the bands @returns {{colour: string, dash?: number[]}} as branches of driven motions have it */
+function styleOf(each) {
+  const { colour, dash } = isNeutral(each) ? LINES.neutral : LINES.unstable;
+  return { colour, dash };
 }
 
 /**
@@ -76,8 +87,8 @@ export function energyCurve(root, grid, bands) {
   const holder = make("div");
   root.replaceChildren(holder);
   const curve = new Curve(holder, {
-    x: "Ω", y: "energy (log)", height: 300, log: true, upright: true, label: "Energy of the admissible impact modes, across, over their frequency, upwards.",
-    series: [{ label: bands ? "neutral" : "impact mode", colour: bands ? "neutral" : "accent", width: 2.6 }, { label: "unstable", colour: "unstable", width: 1.6, dash: [5, 3] }],
+    x: "Ω", y: "energy", height: 300, log: true, upright: true, label: "Energy of the admissible impact modes, across, over their frequency, upwards.",
+    series: [bands ? { label: "neutral", ...LINES.neutral } : { label: "impact mode", colour: "accent", width: 2.6 }, { label: "unstable", ...LINES.unstable }],
   });
   const ranges = ((bands && bands.stability) || []).filter(isNeutral);
   const neutral = Omega.map((/** @type {number} */ x) => !bands || ranges.some((/** @type {any} */ each) => each.start <= x && x <= each.stop));
@@ -85,4 +96,24 @@ export function energyCurve(root, grid, bands) {
   curve.range = [Math.min(...used) / 1.5, Math.max(...used) * 1.5];
   curve.show([Omega, energy.map((value, i) => (neutral[i] || neutral[i - 1] ? value : null)), energy.map((value, i) => (neutral[i] ? null : value))]);
   return curve;
+}
+
+/** @param {string[]} names of the stops that are struck @returns {HTMLElement[]} */
+export function legend(names) {
+  /** @param {string} kind @param {string} text @param {HTMLElement} [more] */
+  const item = (kind, text, more) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text, more);
+  return [
+    ...(names.length > 1 ? names.map((name, c) => item(`stop-${c % 4}`, name)) : [item("thick", "impact mode")]),
+    item("thin", "phantom", help("phantom")), item("band", "exists (certified)", help("band")), item("sampled", "at computed frequencies"),
+    item("line-neutral", "neutral", help("stability")), item("line-unstable", "unstable"), item("natural", "natural frequency", help("omega"))];
+}
+
+/** @returns {HTMLElement} a line on what is shown */
+export function introduction() {
+  return make("p", { class: "hint" }, `Impact mode: ${lower(inShort("mode"))}. Phantom: ${lower(inShort("phantom"))}.`);
+}
+
+/** @param {string} text */
+function lower(text) {
+  return text[0].toLowerCase() + text.slice(1);
 }

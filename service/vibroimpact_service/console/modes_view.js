@@ -2,15 +2,17 @@
 
 import { compute, latest } from "./api.js";
 import { BaseView } from "./base_view.js";
-import { Curve, rangeWithPoles, withoutPoles } from "./curve.js";
+import { Curve } from "./curve.js";
 import { button, make, settled } from "./dom.js";
 import { choiceField, numberField, showError } from "./fields.js";
-import { energyCurve, shading, stabilityIn } from "./mode_family.js";
+import { help } from "./help.js";
+import { energyCurve, introduction, legend, shading, stabilityIn } from "./mode_family.js";
 import { MotionCard, spread } from "./motion_card.js";
 import { lowest, natural, rangeOfModes } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
+import { rangeWithPoles, withoutPoles } from "./ranges.js";
 import { setFields, show, state } from "./state.js";
-import { geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
+import { axisName, coordinateName, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
 import { reasonInWords, stabilityInWords, stopName, whyPhantom } from "./words.js";
 
 /** Degrees of freedom up to which the growth of deviations is computed while one looks. */
@@ -48,7 +50,7 @@ function tooLow() {
 export class ModesView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
-    super(root, { name: "modes", title: "Impact modes", pause: 150 });
+    super(root, { name: "modes", title: "Impact modes", pause: 150, help: help("mode"), ranged: true });
     /** @type {any} */ this.bands = null;
     /** @type {any} */ this.mode = null;
     /** The range of the last answer. @type {number[] | null} */ this.range = null;
@@ -63,7 +65,8 @@ export class ModesView extends BaseView {
     this.figure.after(make("div", { class: "slider-row" }, this.slider));
     this.stabilityNote = make("p", { class: "hint" });
     // What the bands are to say stands below the curve.
-    this.section.append(this.note, this.stabilityNote, legend());
+    this.legend = make("ul", { class: "legend" });
+    this.section.append(this.note, this.stabilityNote, this.legend, introduction());
     const moving = make("section", { class: "card", "aria-label": "The mode at the cursor" });
     root.append(moving);
     this.card = new MotionCard(moving, { title: "The mode at the cursor", axis: "t/T" });
@@ -82,6 +85,13 @@ export class ModesView extends BaseView {
     super.destroy();
     this.card.destroy();
     if (this.energy) this.energy.destroy();
+  }
+
+  zoomed() {
+    super.zoomed();
+    if (!this.curve) return;
+    const [min, max] = this.curve.part("x").map(String);
+    Object.assign(this.slider, { min, max, value: String(fields().Omega ?? min) });
   }
 
   controls() {
@@ -128,6 +138,7 @@ export class ModesView extends BaseView {
     const left = this.range !== null && String(this.range) !== String([from, to]) && Omega !== null && (Omega < from || Omega > to);
     this.range = [from, to];
     this.#move(Omega === null || left ? this.#telling() : Omega);
+    if (this.dragged) return;
     const use = (/** @type {any} */ result) => {
       this.bands = result;
       if (this.curve) {
@@ -172,13 +183,14 @@ export class ModesView extends BaseView {
       { label: `${names[c]}, phantom`, colour: "phantom", width: 1, dash: DASHES[c % 4] },
       { label: names[c], colour: COLOURS[c % 4], width: 2.6, dash: DASHES[c % 4] },
     ]);
+    this.legend.replaceChildren(...legend(names));
     if (this.drawing) this.drawing.destroy();
     const holder = make("div");
     this.figure.replaceChildren(holder);
     const count = grid.exists.filter(Boolean).length;
     this.curve = this.drawing = new Curve(holder, {
       x: "fundamental frequency Ω", y: quantity === "momentum" ? "momentum per impact 2p/ω" : "impulse parameter p",
-      series, height: 340, strip: 2,
+      series, height: 340, strip: 2, zoom: this.zoom,
       label: `${quantity === "momentum" ? "Momentum" : "Impulse parameter"} over frequency: ${count} of ${Omega.length} frequencies have an admissible impact mode, the others are phantoms.`,
     });
     const columns = grid.constraint.map((/** @type {number} */ _, /** @type {number} */ c) => grid.impulse.map((/** @type {any} */ row, /** @type {number} */ i) => row[c] * factor[i]));
@@ -199,7 +211,7 @@ export class ModesView extends BaseView {
     });
     this.curve.choose(fields().Omega);
     this.curve.show([Omega, ...data]);
-    Object.assign(this.slider, { min: String(Omega[0]), max: String(Omega[Omega.length - 1]) });
+    this.zoomed();
     this.#drawEnergy();
     this.#hover(null);
   }
@@ -287,6 +299,7 @@ export class ModesView extends BaseView {
     const upper = mode.impulse[0];
     const lower = mode.impulse_lower ? mode.impulse_lower[0] : upper;
     this.card.show({
+      name: (dof) => coordinateName(state.structure, dof), axis: (dof) => axisName(state.structure, dof),
       geometry, stops, rows,
       row: (s) => (s < 0.5 ? 2 * s : 2 - 2 * s) * last,
       marks: (s) => {
@@ -378,11 +391,4 @@ export class ModesView extends BaseView {
 /** @param {number} number */
 function subscript(number) {
   return String(number).replace(/\d/g, (digit) => "₀₁₂₃₄₅₆₇₈₉"[Number(digit)]);
-}
-
-function legend() {
-  /** @param {string} kind @param {string} text */
-  const item = (kind, text) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text);
-  return make("ul", { class: "legend" },
-    item("thick", "impact mode"), item("thin", "phantom"), item("band", "exists (certified)"), item("neutral", "neutral"), item("unstable", "unstable"), item("natural", "natural frequency"));
 }

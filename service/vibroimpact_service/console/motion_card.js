@@ -1,14 +1,15 @@
 // A moving structure with its waveform beside it, played, paused and scrubbed.
 
-import { Curve, wholeRange } from "./curve.js";
+import { Curve } from "./curve.js";
 import { button, make } from "./dom.js";
 import { interpolated, linspace, shown } from "./numbers.js";
 import { Player, calm } from "./player.js";
+import { wholeRange } from "./ranges.js";
 import { Shape } from "./shape.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /**
- * @typedef {{geometry: import("./structures.js").Geometry, stops: import("./structures.js").Stop[], rows: ArrayLike<number>[],
+ * @typedef {{name?: (dof: number) => string, axis?: (dof: number) => string, geometry: import("./structures.js").Geometry, stops: import("./structures.js").Stop[], rows: ArrayLike<number>[],
  *   row: (place: number) => number, marks: (place: number) => import("./shape.js").Mark[], coordinate: number,
  *   points?: {x: number, y: number, colour: string}[], time?: (place: number) => string, keep?: boolean}} Motion
  *   rows: displacements [row][dof] in all degrees of freedom; row: the fractional row at a place between 0 and 1
@@ -101,10 +102,11 @@ export class MotionCard {
     this.curve.range = wholeRange([...values, ...this.curve.levels.map((level) => level.at)]);
     this.curve.extent = [0, 1];
     this.curve.marks = (motion.points || []);
-    this.curve.options.y = `x of coordinate ${coordinate}`;
-    this.curve.root.setAttribute("aria-label", `Displacement of coordinate ${coordinate} over one period, between ${shown(Math.min(...values), 3)} and ${shown(Math.max(...values), 3)}.`);
+    const name = motion.name ? motion.name(coordinate) : `coordinate ${coordinate}`;
+    this.curve.options.y = motion.axis ? motion.axis(coordinate) : `x of ${name}`;
+    this.curve.root.setAttribute("aria-label", `Displacement of ${name} over one period, between ${shown(Math.min(...values), 3)} and ${shown(Math.max(...values), 3)}.`);
     this.curve.show([places, values]);
-    this.caption.textContent = motion.geometry.n > 1 ? `Coordinate ${coordinate}; click another one in the drawing. Red lines are its stops.` : "Red lines are the stops.";
+    this.caption.textContent = motion.geometry.n > 1 ? `${name[0].toUpperCase()}${name.slice(1)}; click another one in the drawing. Red lines are its stops.` : "Red lines are the stops.";
   }
 
   /** @param {number} place */

@@ -2,10 +2,11 @@
 
 import { ask, send } from "./api.js";
 import { button, download, make } from "./dom.js";
-import { showError } from "./fields.js";
+import { hasInvalid, showError } from "./fields.js";
 import { bytes, duration, shown } from "./numbers.js";
 import { remember } from "./submitted.js";
-import { show } from "./state.js";
+import { show, state } from "./state.js";
+import { inWords } from "./structures.js";
 
 /**
  * @param {HTMLElement} root
@@ -21,7 +22,7 @@ export function requestPanel(root, requests) {
   root.append(details);
 
   function draw() {
-    const list = requests();
+    const list = hasInvalid() ? [] : requests();
     root.hidden = list.length === 0;
     if (root.hidden || !details.open) return;
     chosen = Math.min(chosen, list.length - 1);
@@ -72,7 +73,7 @@ function planElements(plan) {
 async function queue({ kind, request }) {
   try {
     const job = await ask("POST", "/v1/jobs", { kind, request });
-    remember(job.digest, kind, request);
+    remember(job.digest, { kind, request, address: location.hash, structure: inWords(state.structure), looked: false, removed: false });
     show("jobs");
   } catch (error) {
     showError(error);

@@ -1,15 +1,18 @@
 // Draws a structure and its stops on a canvas at one instant. Knows neither the page nor the
 // service, so that notebooks use it as it is.
 
+import { FINE, beamEnvelope } from "./envelope.js";
+import { shown } from "./numbers.js";
+
 /**
  * @typedef {import("./structures.js").Geometry} Geometry
  * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null}} Walls
  * @typedef {{ink: string, soft: string, line: string, accent: string, fill: string, stop: string, alarm: string, paper: string}} Colours
  * @typedef {{stop: number, side: number, alarm?: boolean}} Mark a wall that is emphasised: side 1 is the upper one
- * @typedef {{smallest: ArrayLike<number>, largest: ArrayLike<number>}} Envelope [dof]
+ * @typedef {import("./envelope.js").Envelope} Envelope
  */
 
-const PAD = 18;
+const [PAD, BAR] = [18, 26]; // least pixels of the bar that tells the scale
 
 export class Shape {
   /**
@@ -55,7 +58,23 @@ export class Shape {
     const gaps = this.stops.flatMap(({ lower, upper }) => [lower, upper].map((gap) => Math.abs(gap || 0)));
     const gap = Math.max(0, ...gaps);
     this.reach = 1.08 * (Math.max(most, gap < 4 * most || !most ? gap : 0) || 1);
-    this.envelope = { smallest, largest };
+    this.envelope = this.geometry.element ? beamEnvelope(rows, drawn, this.geometry.element) : { smallest, largest };
+  }
+
+  /** Draw how long a round displacement is. @param {number} scale pixels of a unit @param {number} x @param {number} y @param {boolean} upright */
+  #bar(scale, x, y, upright) {
+    if (!(scale > 0) || !Number.isFinite(scale)) return;
+    const { context, colours } = this;
+    const power = 10 ** Math.floor(Math.log10(BAR / scale));
+    const value = power * ([1, 2, 5].find((factor) => factor * power * scale >= BAR) || 10);
+    const length = value * scale;
+    const ends = /** @type {[number, number][]} */ (upright ? [[x, y], [x, y - length]] : [[x, y], [x + length, y]]);
+    this.#line(ends, colours.soft, 1.5);
+    for (const [a, b] of ends) this.#line(upright ? [[a - 3, b], [a + 3, b]] : [[a, b - 3], [a, b + 3]], colours.soft, 1.5);
+    context.fillStyle = colours.soft;
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.fillText(shown(value, 3), upright ? x + 6 : x + length + 6, upright ? y - length / 2 + 4 : y + 4);
   }
 
   /**
@@ -76,6 +95,7 @@ export class Shape {
     context.lineJoin = "round";
     context.lineCap = "round";
     this.places = [];
+    if (width <= 2 * PAD || height <= 2 * PAD) return; // not laid out yet
     const draw = { profile: this.#profile, row: this.#row, pendulum: this.#pendulum, cloud: this.#cloud }[this.geometry.layout];
     draw.call(this, width, height, x, marks);
   }
@@ -173,9 +193,11 @@ export class Shape {
     ];
     if (this.envelope && drawn.length > 1) {
       const { smallest, largest } = this.envelope;
+      /** @param {ArrayLike<number>} limit @returns {[number, number][]} */
+      const edge = (limit) => (geometry.element ? Array.from(limit, (value, i) => /** @type {[number, number]} */ ([left + (i * spacing) / FINE, up(value)])) : points((dof) => limit[dof]));
       context.beginPath();
-      points((dof) => largest[dof]).forEach(([a, b], i) => (i ? context.lineTo(a, b) : context.moveTo(a, b)));
-      points((dof) => smallest[dof]).reverse().forEach(([a, b]) => context.lineTo(a, b));
+      edge(largest).forEach(([a, b], i) => (i ? context.lineTo(a, b) : context.moveTo(a, b)));
+      edge(smallest).reverse().forEach(([a, b]) => context.lineTo(a, b));
       context.globalAlpha = 0.1;
       context.fillStyle = colours.accent;
       context.fill();
@@ -183,6 +205,7 @@ export class Shape {
     }
     if (fixed[0]) this.#clamp(left, height, -1);
     if (fixed[1]) this.#clamp(right, height, 1);
+    this.#bar(scale, 12, height - 8, true);
     this.stops.forEach((stop, index) => {
       const k = drawn.indexOf(stop.dof);
       if (k < 0) return;
@@ -248,11 +271,13 @@ export class Shape {
       const centre = rest(place) + x[dof] * scale;
       const inner = [...cages.values()].find(({ stop }) => stop.relativeTo === dof);
       const half = inner ? size * 0.45 + Math.max(inner.stop.lower || 0, inner.stop.upper || 0) * scale + 6 : size / 2;
-      if (place > 0 || fixed[0]) this.#spring(from, centre - half, height / 2, size);
+      // Springs pass above the stops, which stand on the ground.
+      if (place > 0 || fixed[0]) this.#spring(from, centre - half, height / 2 - 0.3 * size, size);
       this.stops.forEach((stop, index) => {
         if (stop.dof !== dof || stop.relativeTo !== null) return;
-        if (stop.upper !== null) this.#wall(rest(place) + stop.upper * scale + half, height / 2, -1, 0, size * 1.3, this.#mark(index, 1, marks));
-        if (stop.lower !== null) this.#wall(rest(place) - stop.lower * scale - half, height / 2, 1, 0, size * 1.3, this.#mark(index, -1, marks));
+        const [middle, tall] = [height / 2 + 0.24 * size, 0.52 * size + 6];
+        if (stop.upper !== null) this.#wall(rest(place) + stop.upper * scale + half, middle, -1, 0, tall, this.#mark(index, 1, marks));
+        if (stop.lower !== null) this.#wall(rest(place) - stop.lower * scale - half, middle, 1, 0, tall, this.#mark(index, -1, marks));
       });
       context.beginPath();
       context.roundRect(centre - half, height / 2 - size / 2, 2 * half, size, 5);
@@ -273,7 +298,8 @@ export class Shape {
       this.places.push({ dof, x: centre, y: height / 2 });
       from = centre + half;
     });
-    if (fixed[1]) this.#spring(from, right, height / 2, size);
+    if (fixed[1]) this.#spring(from, right, height / 2 - 0.3 * size, size);
+    this.#bar(scale, left, height - 8, false);
   }
 
   /** @param {number} from @param {number} to @param {number} y @param {number} size */
@@ -283,7 +309,7 @@ export class Shape {
     /** @type {[number, number][]} */
     const points = [[from, y], [from + end, y]];
     for (let k = 0; k < 2 * turns; k += 1) {
-      points.push([from + end + ((k + 0.5) / (2 * turns)) * (to - from - 2 * end), y + (k % 2 ? 1 : -1) * size * 0.18]);
+      points.push([from + end + ((k + 0.5) / (2 * turns)) * (to - from - 2 * end), y + (k % 2 ? 1 : -1) * size * 0.15]);
     }
     this.#line([...points, [to - end, y], [to, y]], this.colours.soft, 1.5);
   }
@@ -338,6 +364,7 @@ export class Shape {
       const [along, deep] = [u * Math.cos(turn) - v * Math.sin(turn), u * Math.sin(turn) + v * Math.cos(turn)];
       return [width / 2 + size * along, height / 2 - size * (w * Math.cos(tilt) + deep * Math.sin(tilt))];
     };
+    this.#bar(size * stretch, 12, height - 8, false);
     for (const [a, b] of geometry.links || []) this.#line([seen(nodes[a]), seen(nodes[b])], colours.line, 1);
     for (const [a, b] of geometry.links || []) this.#line([seen(moved[a]), seen(moved[b])], colours.accent, 1.6);
     const radius = Math.min(5, Math.max(1.5, 120 / Math.sqrt(nodes.length + 1) / 6));

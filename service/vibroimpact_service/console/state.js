@@ -1,6 +1,6 @@
 // What the page shows, kept in its address, so that a view can be sent to a colleague.
 
-import { FORMS, preset } from "./structures.js";
+import { FORMS, LARGEST, preset } from "./structures.js";
 
 /**
  * @typedef {{view: string, structure: import("./structures.js").Structure, fields: Record<string, any>}} State
@@ -50,10 +50,33 @@ export function readAddress() {
   state.fields = fields;
 }
 
+/** What of the address was not taken over, in words. */
+export const note = { refused: "" };
+
+/**
+ * Say which number of a structure in an address no page can draw: its field would not take it.
+ * @param {any} given @returns {string} empty: none
+ */
+function outside({ form, parameters, matrices }) {
+  for (const { name, label, min, max, whole } of FORMS[form].parameters) {
+    const value = (parameters || {})[name];
+    if (value === undefined) continue;
+    if (typeof value !== "number" || (max !== undefined && value > max) || (min !== undefined && value < min) || (whole && !Number.isInteger(value))) return `${label} = ${String(value).slice(0, 40)}`;
+  }
+  if (form !== "matrices" || !matrices) return "";
+  const sizes = [matrices.M, matrices.K, ...(matrices.C ? [matrices.C] : [])].map((each) => (Array.isArray(each) && each.every((row) => Array.isArray(row) && row.length === each.length) ? each.length : 0));
+  return sizes.every((each) => each === sizes[0] && each > 0 && each <= LARGEST) ? "" : "matrices that cannot be edited";
+}
+
 /** @param {any} given @returns {import("./structures.js").Structure} */
 function complete(given) {
   if (!given || !Object.hasOwn(FORMS, given.form)) return state.structure;
   const base = preset(given.form);
+  const wrong = outside(given);
+  if (wrong) {
+    note.refused = `The address has ${wrong}; the structure is shown with the usual numbers.`;
+    return { ...base, stops: base.stops };
+  }
   const stops = Array.isArray(given.stops) ? given.stops.map((/** @type {any} */ each) => ({ ...base.stops[0], relativeTo: null, ...each })) : base.stops;
   const loads = Array.isArray(given.loads) ? given.loads : [];
   return { ...base, ...given, parameters: { ...base.parameters, ...given.parameters }, stops, loads };

@@ -3,13 +3,16 @@
 import { ask, send } from "./api.js";
 import { button, make, settled } from "./dom.js";
 import { choiceField, clearFaults, numberField, showError, switchField } from "./fields.js";
+import { exampleField } from "./examples.js";
 import { ENDINGS, structureOf } from "./files.js";
+import { help } from "./help.js";
 import { matrixEditor } from "./matrix_editor.js";
 import { natural } from "./natural.js";
 import { shown } from "./numbers.js";
 import { Shape } from "./shape.js";
-import { setStructure, state } from "./state.js";
-import { FORMS, geometryOf, leading, preset, size, stop } from "./structures.js";
+import { dampingSlider, gapSlider, restitutionSlider } from "./sliders.js";
+import { setStructure, show, state } from "./state.js";
+import { FORMS, coordinateName, geometryOf, leading, preset, size, stop } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /** @typedef {import("./structures.js").Structure} Structure */
@@ -22,7 +25,7 @@ const changed = settled(200, () => {
 /** @param {HTMLElement} root */
 export function structurePanel(root) {
   const canvas = make("canvas", { class: "still", role: "img" });
-  const hint = make("p", { class: "hint" }, "Click a coordinate to place a stop there, or to remove it. Coordinates count from 0.");
+  const hint = make("p", { class: "hint" }, "Click a coordinate to place a stop there, or to remove it. Coordinates count from 0, masses and nodes from 1.");
   const modes = make("details", { class: "natural" });
   /** @type {Shape | null} */
   let shape = null;
@@ -58,6 +61,11 @@ export function structurePanel(root) {
 
   function rebuild() {
     root.replaceChildren(
+      exampleField(({ view, structure, fields }) => {
+        state.structure = structure();
+        show(view, { ...fields });
+        dispatchEvent(new Event("structure-filled"));
+      }),
       choiceField("Structure", Object.entries(FORMS).filter(([form]) => form !== "stored" || state.structure.form === "stored").map(([form, { label }]) => [form, label]),
         state.structure.form, (form) => { clearFaults(); setStructure(preset(form), {}); }, { name: "form" }),
       upload(),
@@ -112,10 +120,12 @@ function parameters() {
     }, { pointer: `/system/${name}`, whole, min, max, name }));
   }
   if (about.damped) {
-    box.append(numberField("Damping ratio ζ", structure.damping, (value) => {
+    const field = numberField("Damping ratio ζ", structure.damping, (value) => {
       structure.damping = /** @type {number} */ (value);
       changed();
-    }, { pointer: "/system/C", min: 0, name: "zeta" }));
+    }, { pointer: "/system/C", min: 0, name: "zeta" });
+    field.append(dampingSlider(field, changed));
+    box.append(field);
   }
   return box;
 }
@@ -123,7 +133,7 @@ function parameters() {
 /** @param {(dof: number) => void} toggleStop @param {() => void} rebuild */
 function stops(toggleStop, rebuild) {
   const { structure } = state;
-  const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops"));
+  const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops ", help("gap"), help("restitution"), help("struck")));
   structure.stops.forEach((each, index) => {
     const at = `/system/constraints/${index}`;
     /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution" | "stiffness" | "damping"} name */
@@ -131,12 +141,15 @@ function stops(toggleStop, rebuild) {
       /** @type {any} */ (each)[name] = value;
       changed();
     };
+    const lower = numberField("Lower gap", each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" });
+    const upper = numberField("Upper gap", each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" });
+    const restitution = numberField("Restitution", each.restitution, set("restitution"), { pointer: `${at}/restitution`, min: 0, max: 1 });
+    restitution.append(restitutionSlider(index, restitution, changed));
     box.append(make("div", { class: "stop", role: "group", "aria-label": `Stop ${index}` },
+      make("p", { class: "hint whole" }, `Stop ${index} at ${coordinateName(structure, each.dof)}`),
       numberField("Coordinate", each.dof, set("dof"), { pointer: `${at}/dof`, whole: true, min: 0 }),
       numberField("relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
-      numberField("Lower gap", each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" }),
-      numberField("Upper gap", each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" }),
-      numberField("Restitution", each.restitution, set("restitution"), { pointer: `${at}/restitution`, min: 0, max: 1 }),
+      lower, upper, make("div", { class: "whole" }, gapSlider(index, lower, upper, changed)), restitution,
       // With a stiffness, which time histories and ensembles take, there is a damping instead.
       numberField("Stiffness", each.stiffness, set("stiffness"), { pointer: `${at}/law`, min: 0, empty: "rigid" }),
       numberField("its damping", each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" }),

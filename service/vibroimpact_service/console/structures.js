@@ -26,6 +26,9 @@ export function stop(dof, lower, upper, restitution = 1, /** @type {number | nul
   return { dof, relativeTo, lower, upper, restitution, active: true, stiffness: null, damping: null };
 }
 
+/** Degrees of freedom up to which matrices are entered entry by entry. */
+export const LARGEST = 8;
+
 /** Where modes of structures with a wide spectrum, such as beams, are shown first. @type {[number, number]} */
 const WIDE = [0.98, 1.3];
 
@@ -104,6 +107,40 @@ function rows(matrix) {
   return matrix.shape ? matrix.shape[0] : matrix.n;
 }
 
+/**
+ * Say what a coordinate is: its number, and the part of the structure that it moves.
+ * @param {Structure} structure @param {number} dof
+ * @returns {string} as "coordinate 5 (mass 6)"
+ */
+export function coordinateName(structure, dof) {
+  const part = partOf(structure, dof);
+  return `coordinate ${dof}${part && ` (${part})`}`;
+}
+
+/** @param {Structure} structure @param {number} dof @returns {string} as the label of an axis */
+export function axisName(structure, dof) {
+  return `x of ${partOf(structure, dof) || `coordinate ${dof}`}`;
+}
+
+/** @param {Structure} structure @param {number} dof @returns {string} */
+function partOf({ form, geometry }, dof) {
+  if (form === "chain" || form === "two_mass") return `mass ${dof + 1}`;
+  if (form === "beam") return `node ${Math.floor(dof / 2) + 1}, ${dof % 2 ? "rotation" : "deflection"}`;
+  if (form === "absorber") return ["main mass", "absorber"][dof] || "";
+  if (form === "double_pendulum") return ["upper rod", "lower rod"][dof] || "";
+  const place = geometry && geometry.dofs && geometry.dofs[dof];
+  return place ? `node ${place.node + 1}, ${place.direction}` : "";
+}
+
+/** @param {Structure} structure @returns {string} in a line: what it is, and its stops */
+export function inWords(structure) {
+  const { form, parameters, stops, name, damping } = structure;
+  const about = FORMS[form];
+  const numbers = about.parameters.map(({ label, name: key }) => `${label[0].toLowerCase()}${label.slice(1)} ${parameters[key]}`);
+  const each = stops.map(({ dof, lower, upper }) => `coordinate ${dof} ${lower === upper ? `±${upper}` : `${lower === null ? "" : `−${lower}`}…${upper ?? ""}`}`);
+  return [form === "stored" ? name || about.label : about.label, ...numbers, ...(damping ? [`ζ = ${damping}`] : []), each.length ? `stops: ${each.join("; ")}` : "no stop"].join(", ");
+}
+
 /** @param {Stop} each @returns {any} the document of a constraint */
 function constraint(each) {
   const place = each.relativeTo === null
@@ -129,6 +166,8 @@ export function systemDocument(structure, damped = true) {
     if (form === "stored") return { id, constraints };
     if (form === "oscillator" || form === "two_mass") return { preset: form, ...p, ...(zeta ? { zeta } : {}), constraints };
     if (form === "chain" && !zeta) return { preset: "chain", n: p.n, mass: p.mass, stiffness: p.stiffness, constraints };
+    if (form === "absorber" && !zeta) return { preset: form, ...p, constraints };
+    if (form === "beam" && !zeta) return { preset: form, ...p, constraints };
     if (form === "double_pendulum") return { preset: form, mu: p.mu, constraints };
   }
   const { M, K, C, force, units } = sparseMatrices(structure);

@@ -1,9 +1,17 @@
-// The requests of the jobs queued from this browser, so that they can be changed and sent again.
+// What this browser knows of jobs: their requests, so that they can be changed and sent again, the
+// names that they were given, and whether they were made by a view or taken off the list.
 
 const STORED = "vibroimpact-submitted";
-const KEPT = 40;
+const KEPT = 120;
+/** Characters of all that is kept. */
+const LARGEST = 2_000_000;
 
-/** @returns {Record<string, {kind: string, request: any, address: string}>} by the digest of the result */
+/**
+ * @typedef {{kind?: string, request?: any, address?: string, structure?: string, name?: string,
+ *   looked?: boolean, removed?: boolean}} Known looked: it was made by a view while one looked, not queued
+ */
+
+/** @returns {Record<string, Known>} by the digest of the result */
 function all() {
   try {
     return JSON.parse(localStorage.getItem(STORED) || "{}");
@@ -12,14 +20,18 @@ function all() {
   }
 }
 
-/** @param {string} digest @param {string} kind @param {any} request */
-export function remember(digest, kind, request) {
-  const entries = Object.entries(all()).filter(([name]) => name !== digest).slice(1 - KEPT);
-  const text = JSON.stringify(Object.fromEntries([...entries, [digest, { kind, request, address: location.hash }]]));
-  if (text.length < 2_000_000) localStorage.setItem(STORED, text);
+/** @param {string} digest @param {Known} more what is known of a job now, beside what was */
+export function remember(digest, more) {
+  const now = all();
+  const entries = Object.entries({ ...now, [digest]: { ...now[digest], ...more } });
+  // The earliest are forgotten first.
+  let kept = entries.slice(-KEPT);
+  while (kept.length > 1 && JSON.stringify(kept).length > LARGEST) kept = kept.slice(1);
+  const text = JSON.stringify(Object.fromEntries(kept));
+  if (text.length <= LARGEST) localStorage.setItem(STORED, text);
 }
 
-/** @param {string} digest */
+/** @param {string} digest @returns {Known} */
 export function submitted(digest) {
-  return all()[digest] || null;
+  return all()[digest] || {};
 }

@@ -55,6 +55,6 @@ export function stabilityInWords(radius, error, neutral) {
 
 /** @param {import("./structures.js").Stop} stop @param {number} index */
 export function stopName(stop, index) {
-  const place = stop.relativeTo === null ? `coordinate ${stop.dof}` : `coordinates ${stop.dof} and ${stop.relativeTo}`;
+  const place = stop.relativeTo === null || stop.relativeTo === undefined ? `coordinate ${stop.dof}` : `coordinates ${stop.dof} and ${stop.relativeTo}`;
   return `stop ${index} at ${place}`;
 }

@@ -35,7 +35,9 @@ def dofs(system: systems.AnySystem) -> int:
             return max(_rows(matrix) for matrix in matrices)
         case systems.Chain():
             return system.n
-        case systems.TwoMass() | systems.DoublePendulum():
+        case systems.Beam():
+            return 2 * system.elements
+        case systems.TwoMass() | systems.DoublePendulum() | systems.Absorber():
             return 2
         case systems.Oscillator() | systems.BouncingBall():
             return 1

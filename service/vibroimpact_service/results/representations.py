@@ -33,6 +33,8 @@ _BESIDE: Final = 1.5
 """What a result has beside what its plan counts, such as the errors of displacements."""
 _CACHE_BYTES: Final = 64 * 2**20
 _SMALLEST_CODED: Final = 4096
+_SMALLEST_PAGE: Final = 512
+"""The same of files of the console, which come once, and many of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,14 +62,17 @@ class Representation:
 
     def coded(self, coding: str) -> Representation:
         """Return it in a content coding, unless it is small, or compressed already."""
-        small = self.file is not None or len(self.data) < _SMALLEST_CODED
-        if small or encoder(self.media_type).binary:
+        # Of what is no result, the files of the console and the contract, there are no encoders.
+        page = self.media_type.partition(";")[0] not in ENCODERS
+        smallest = _SMALLEST_PAGE if page else _SMALLEST_CODED
+        small = self.file is not None or len(self.data) < smallest
+        if small or (not page and encoder(self.media_type).binary):
             return self
-        # The fastest levels: digits of numbers hardly get shorter by more effort.
+        # The fastest levels: digits of numbers hardly get shorter by more effort, words do.
         if coding == "zstd":
-            data = zstandard.ZstdCompressor(level=1).compress(self.data)
+            data = zstandard.ZstdCompressor(level=12 if page else 1).compress(self.data)
         else:
-            data = gzip.compress(self.data, compresslevel=1, mtime=0)
+            data = gzip.compress(self.data, compresslevel=9 if page else 1, mtime=0)
         return Representation(self.media_type, data, digest.content(data), coding)
 
 

@@ -69,6 +69,14 @@ def test_every_form_of_a_matrix_means_the_same() -> None:
             presets.two_mass([], 2.0, 0.5, 0.1),
         ),
         ({"preset": "double_pendulum", "mu": 2}, presets.double_pendulum([], 2.0)),
+        (
+            {"preset": "absorber", "Omega0": 2, "ratio": 0.1, "tuning": 0.9},
+            presets.absorber([], 2.0, 0.1, 0.9),
+        ),
+        (
+            {"preset": "beam", "elements": 3, "length": 2, "EI": 5, "rhoA": 0.8},
+            presets.beam([], 3, 2.0, 5.0, 0.8),
+        ),
         ({"preset": "bouncing_ball", "g": 9.81}, presets.bouncing_ball([], 9.81)),
     ],
 )
@@ -104,6 +112,11 @@ def test_constraints() -> None:
     [
         ({"preset": "oscillator", "Omega0": 1e300}, ("Omega0",)),
         ({"preset": "two_mass", "Omega0": 1e300}, ("Omega0",)),
+        ({"preset": "absorber", "Omega0": 1, "tuning": 1e200}, ("tuning",)),
+        ({"preset": "absorber", "Omega0": 1, "ratio": 1e300}, ("ratio",)),
+        ({"preset": "beam", "elements": 2, "length": 1e-300}, ("length",)),
+        ({"preset": "beam", "elements": 2, "EI": 1e300}, ("EI",)),
+        ({"preset": "beam", "elements": 2, "rhoA": 1e300}, ("rhoA",)),
         ({"M": [[1, 0], [0, 1]], "K": [[1, 2], [3, 1]]}, ("K",)),
         ({"M": [[1, 0], [0, 1]], "K": [[1, 2, 3], [2, 1, 3]]}, ("K",)),
         ({"M": [[1, 0], [0, 1]], "K": [[1, 2], [2]]}, ("K",)),
