@@ -58,11 +58,14 @@ class Representation:
         """Number of bytes."""
         return len(self.data) if self.file is None else self.file.stat().st_size - HEAD
 
+    @property
+    def is_coded(self) -> bool:
+        """Whether it is worth a content coding: neither small nor made of binary numbers."""
+        whole = self.file is None and len(self.data) >= _SMALLEST_CODED
+        return whole and not encoder(self.media_type).binary
+
     def coded(self, coding: str) -> Representation:
-        """Return it in a content coding, unless it is small, or compressed already."""
-        small = self.file is not None or len(self.data) < _SMALLEST_CODED
-        if small or encoder(self.media_type).binary:
-            return self
+        """Return it in a content coding."""
         # The fastest levels: digits of numbers hardly get shorter by more effort.
         if coding == "zstd":
             data = zstandard.ZstdCompressor(level=1).compress(self.data)
@@ -79,10 +82,10 @@ def encoder(media_type: str) -> Encoder:
 def load(store: Store, name: str, media_type: str) -> Representation | None:
     """Return a stored result in a media type, encoding it the first time; None if unknown."""
     how = encoder(media_type)
-    part = f"{name}.{how.suffix}"
     if store.results.local and (store.results.size(name) or 0) > LARGE:
-        return _load_file(store, name, part, media_type)
-    data = store.results.get(part) if how.parameter is None else None
+        return _load_file(store, name, how.large or media_type)
+    part = f"{name}.{how.suffix}"
+    data = store.results.get(part) if how.stored else None
     if data is not None:
         return Representation(media_type, data, digest.content(data))
     stored = store.results.get(name)
@@ -94,7 +97,7 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
         store.results.remove(name)
         return None
     made = of_content(content, media_type)
-    if how.parameter is not None:
+    if not how.stored:
         return made
     # It can be made again from the stored result at any time: a full store is no error.
     with contextlib.suppress(StoreFullError):
@@ -110,7 +113,8 @@ def check_size(size: float, media_type: str) -> None:
     ProblemError
         406.
     """
-    if encoder(media_type).convert is None and size * _BESIDE > LARGE:
+    how = encoder(media_type)
+    if how.convert is None and not how.large and size * _BESIDE > LARGE:
         detail = (
             f"A result of at least about {_BESIDE * size:.3g} bytes is sent as {IN_FILES} only."
         )
@@ -123,8 +127,9 @@ def of_content(content: Content, media_type: str) -> Representation:
     return Representation(media_type, data, digest.content(data))
 
 
-def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:
-    convert = encoder(media_type).convert
+def _load_file(store: Store, name: str, media_type: str) -> Representation | None:
+    how = encoder(media_type)
+    part, convert = f"{name}.{how.suffix}", how.convert
     if convert is None:
         detail = f"The result is larger than {LARGE} bytes: ask for {IN_FILES}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
@@ -206,6 +211,8 @@ class Results:
 
     async def coded(self, name: str, representation: Representation, coding: str) -> Representation:
         """Return a representation in a content coding, where it is worth it."""
+        if not representation.is_coded:
+            return representation
         coded = self._cache.get(name, representation.media_type, coding)
         if coded is None:
             loop = asyncio.get_running_loop()
