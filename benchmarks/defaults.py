@@ -105,12 +105,12 @@ def _file(http: httpx2.Client, kind: str, request: dict[str, Any]) -> bytes:
 
 
 def _datasets(content: bytes) -> int:
-    found = list[str]()
+    names = list[str]()
     with h5py.File(io.BytesIO(content)) as file:
         file.visititems(
-            lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None
+            lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None
         )
-    return len(found)
+    return len(names)
 
 
 def kinds() -> Table:

@@ -63,11 +63,11 @@ _other = count(1)
 @pytest.fixture
 def factors(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Give the names of the eigenvalue problems that are solved."""
-    found = list[str]()
+    solved_problems = list[str]()
 
     def counted(function: Any, name: str) -> Any:
         def solved(*args: Any, **options: Any) -> Any:
-            found.append(name)
+            solved_problems.append(name)
             return function(*args, **options)
 
         return solved
@@ -76,7 +76,7 @@ def factors(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         for name in ("eig", "eigh", "eigvals", "eigvalsh", "eig_banded", "eigh_tridiagonal"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, counted(getattr(module, name), name))
-    return found
+    return solved_problems
 
 
 def swept(kind: str, path: str, damping: dict[str, Any], points: int) -> None:
