@@ -95,7 +95,7 @@ _BEFORE: Final = {"one mass": 5.6, "beam, N=50": 27.0, "beam, N=100": 130.0}
 _DEFAULTS = frozenset({"exists", "extremes", "energy", "multipliers"})
 
 
-def _beam(elements: int) -> Problem:
+def driven_beam(elements: int) -> Problem:
     """Return a cantilever with stops at its tip, driven there at 50 frequencies.
 
     Its damping is Rayleigh's, 2 % of the critical one at the first natural frequency.
@@ -117,7 +117,7 @@ def defaults() -> Table:
     mass = replace(_response(1, 1000, "exists"), outputs=_DEFAULTS)
     cases: dict[str, tuple[Problem, float | None]] = {"one mass": (mass, 0.15)}
     for elements, goal in ((25, None), (50, 0.3), (150, 2.0)):
-        cases[f"beam, N={2 * elements}"] = _beam(elements), goal
+        cases[f"beam, N={2 * elements}"] = driven_beam(elements), goal
     for name, (problem, goal) in cases.items():
         motions = _solve(problem).solution_impacts.size
         existence = replace(problem, outputs=frozenset({"exists"}))
@@ -153,7 +153,7 @@ def default_branches() -> Table:
     """Follow branches of motions with one impact over the frequency, with all default outputs."""
     rows: list[tuple[Any, ...]] = []
     for elements, goal in ((5, None), (25, 3.0)):
-        driven, name = _beam(elements), f"beam, N={2 * elements}"
+        driven, name = driven_beam(elements), f"beam, N={2 * elements}"
         first = float(driven.Omega[0]) / 0.5
 
         def at(Omega: float, driven: Problem = driven) -> Problem:
@@ -190,7 +190,7 @@ def default_attractors() -> Table:
     """Observe what four motions settle on, with default settings and outputs."""
     rows: list[tuple[Any, ...]] = []
     for elements, goal in ((5, None), (25, 3.0)):
-        driven, name = _beam(elements), f"beam, N={2 * elements}"
+        driven, name = driven_beam(elements), f"beam, N={2 * elements}"
         stop = Constraint(driven.load[0].dofs, (1.0,), None, 0.01, 0.7)
         system = replace(driven.system, constraints=(stop,))
         Omega = driven.Omega[:1] * 2.2  # 1.1 times the first natural frequency

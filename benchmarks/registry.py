@@ -64,6 +64,12 @@ class Benchmark:
 
 BENCHMARKS: Final[tuple[Benchmark, ...]] = (
     Benchmark(
+        "defaults",
+        "Default requests",
+        "what a user gets by default: one call from Python and over HTTP, each kind on beams",
+        ("defaults.calls", "defaults.kinds"),
+    ),
+    Benchmark(
         "peers",
         "Against other programs",
         "time histories against heyoka, SUNDIALS, diffrax, scipy and Siconos; impact modes "
@@ -130,6 +136,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
             "service.answers.clients",
             "service.jobs.small_jobs",
             "service.jobs.sweeps",
+            "service.jobs.beams_in_a_sweep",
             "service.answers.starts",
         ),
     ),

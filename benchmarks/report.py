@@ -75,8 +75,10 @@ def _verdicts(measurements: Iterable[Measurement]) -> list[tuple[str, Table, Ver
 
 
 def _first_screen(measured: dict[str, list[Measurement]]) -> str:
-    """Return how fast against what, at which error: sentences, a table and a plot."""
-    parts = []
+    """Return what users get by default, and how fast that is against what, at which error."""
+    defaults = _tables(measured["defaults"]).values()
+    link = "see [default requests](benchmarks/defaults.md)"
+    parts = [f"{table.title}, {link}:\n\n{markdown(table)}\n" for table in defaults]
     ahead = _tables(measured["peers"]).get("ahead")
     if ahead is not None:
         parts.append(_against_peers(ahead))

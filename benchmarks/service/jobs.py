@@ -5,20 +5,25 @@ Service, workers and clients share the cores of one machine.
 
 from __future__ import annotations
 
+import itertools
+import multiprocessing
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.periodic_motions import driven_beam
 from benchmarks.service import load
 from benchmarks.service.answers import SHARED
 from benchmarks.service.load import Load, Outcome
 from benchmarks.service.requests import Request, modes
 from benchmarks.service.server import Server, running, seconds
 from benchmarks.tables import Figure, Table, figures
-from vibroimpact_solvers import sweep, time_history
+from vibroimpact_solvers import periodic_motions, sweep, time_history
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import Constraint
 from vibroimpact_solvers.presets import chain
 
@@ -27,6 +32,8 @@ _MANY: Final = 32
 _GAPS: Final = np.linspace(0.1, 0.3, 500)
 _RESTITUTIONS: Final = np.linspace(0.8, 1.0, 20)
 _END: Final = 62.0  # of histories of 21 impacts each, on average
+_STOP: Final = {"dof": 5, "gap": 0.2, "restitution": 0.9}
+_LOOPS: Final = "The loops keep all results in memory; the job stores them and joins them."
 
 
 def small_jobs() -> Table:
@@ -77,22 +84,69 @@ def _behind_a_large_one(server: Server) -> Outcome:
 
 
 def sweeps() -> Table:
-    """Follow 10,000 histories of some 20 impacts, gap by restitution, as a job and in a loop."""
+    """Follow 10,000 histories of some 20 impacts, gap by restitution, as a job and in loops."""
+    base = {
+        "system": {"preset": "chain", "n": 13, "constraints": [dict(_STOP)]},
+        "initial": {"x": [0.0] * 13, "v": [1.0, *[0.0] * 12]},
+        "t_end": _END,
+    }
+    numbers = _as_a_job(time_history.KIND, base, _GAPS, _follow, 6.0)
+    return figures("Ten thousand histories, gap by restitution", numbers, _LOOPS, {"": SHARED})
+
+
+def beams_in_a_sweep() -> Table:
+    """Find the driven motions of 2,000 beams of 50 degrees of freedom, as a job and in loops."""
+    problem = driven_beam(25)
+    system, force = problem.system, problem.load[0]
+    C = system.C
+    assert C is not None
+    matrices = {"M": system.M, "K": system.K, "C": C}
+    base = {
+        "system": {name: matrix.to_dense().tolist() for name, matrix in matrices.items()}
+        | {"constraints": [{**_STOP, "dof": force.dofs[0]}]},
+        "frequency": {"values": [float(problem.Omega[20])]},
+        "load": [{"dof": force.dofs[0], "amplitude": force.amplitude}],
+    }
+    gaps = np.linspace(0.005, 0.02, 100)
+    numbers = _as_a_job(periodic_motions.KIND, base, gaps, _drive, None)
+    return figures("Two thousand driven beams, gap by restitution", numbers, _LOOPS, {"": SHARED})
+
+
+Loop = Callable[[list[float]], float]
+
+
+def _as_a_job(
+    kind: str, base: dict[str, Any], gaps: Floats, loop: Loop, goal: float | None
+) -> list[Figure]:
+    """Return what a sweep takes as a job, and what its motions take one after the other.
+
+    The loops run in as many processes as the service has workers, as processor time depends on
+    what the other cores do.
+    """
+    axes = [
+        {"path": "system.constraints.0.gap", "values": gaps.tolist()},
+        {"path": "system.constraints.0.restitution", "values": _RESTITUTIONS.tolist()},
+    ]
     with running(_WORKERS) as server:
-        _swept(server, _GAPS[:20])  # workers load their kernels
+        few = {"path": axes[0]["path"], "values": (0.999 * gaps[:20]).tolist()}
+        _swept(server, {"kind": kind, "base": base, "axes": [few, axes[1]]})  # kernels are loaded
         job, began = _spent(lambda: seconds(server.processes())), time.perf_counter()
-        _swept(server, _GAPS)
-        wall, by_job = time.perf_counter() - began, job()
-    alone = _spent(time.process_time)
-    _in_process()
-    by_loop = alone()
-    numbers = [
-        Figure("as a job, on two cores [s]", wall, 6.0),
-        Figure("as a job, processor time of all [s]", by_job),
-        Figure("the same in a loop in a process, processor time [s]", by_loop),
+        before = _on_disk(server)
+        _swept(server, {"kind": kind, "base": base, "axes": axes})
+        wall, by_job, size = time.perf_counter() - began, job(), _on_disk(server) - before
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(_WORKERS, spawned) as pool:
+        list(pool.map(loop, [gaps[:2].tolist()] * _WORKERS))
+        by_loop = sum(pool.map(loop, [gaps[k::_WORKERS].tolist() for k in range(_WORKERS)]))
+    count = gaps.size * _RESTITUTIONS.size
+    return [
+        Figure("as a job, on two cores [s]", wall, goal),
+        Figure("variants [1/s]", count / wall),
+        Figure("chunks and result on disk [MB]", size / 1e6),
+        Figure("as a job, processor time of all processes [s]", by_job),
+        Figure("in loops in two processes, processor time [s]", by_loop),
         Figure("the queue takes more, part", by_job / by_loop - 1.0, 0.2),
     ]
-    return figures("Ten thousand histories, gap by restitution", numbers, "", {"": SHARED})
 
 
 def _spent(clock: Callable[[], float]) -> Callable[[], float]:
@@ -101,32 +155,37 @@ def _spent(clock: Callable[[], float]) -> Callable[[], float]:
     return lambda: clock() - began
 
 
-def _swept(server: Server, gaps: Any) -> None:
+def _swept(server: Server, request: dict[str, Any]) -> None:
     """Compute a sweep as a job."""
-    v = [1.0, *[0.0] * 12]
-    constraint = {"dof": 5, "gap": 0.2, "restitution": 0.9}
-    base = {
-        "system": {"preset": "chain", "n": 13, "constraints": [constraint]},
-        "initial": {"x": [0.0] * 13, "v": v},
-        "t_end": _END,
-    }
-    axes = [
-        {"path": "system.constraints.0.gap", "values": gaps.tolist()},
-        {"path": "system.constraints.0.restitution", "values": _RESTITUTIONS.tolist()},
-    ]
-    request = {"kind": time_history.KIND, "base": base, "axes": axes}
     job = {"kind": sweep.KIND, "request": request}
     server.done(str(server.answered("POST", "/v1/jobs", job, 201).json()["id"]))
 
 
-def _in_process() -> None:
-    """Follow the same motions one after the other, all results kept."""
+def _on_disk(server: Server) -> int:
+    """Return the bytes of all files of a service."""
+    return sum(path.stat().st_size for path in server.data.rglob("*") if path.is_file())
+
+
+def _follow(gaps: list[float]) -> float:
+    """Follow the histories of some gaps one after the other; return the processor time."""
     v = np.zeros(13)
     v[0] = 1.0
     start, whole = time_history.State(np.zeros(13), v), chain(13, [])
-    results = []
-    for gap in _GAPS.tolist():
-        for restitution in _RESTITUTIONS.tolist():
-            system = whole.limited((Constraint.at(5, gap, restitution),))
-            problem = time_history.Problem(system, start, _END)
-            results.append(time_history.solve(problem, time_history.plan(problem)))
+    results, spent = [], _spent(time.process_time)
+    for gap, restitution in itertools.product(gaps, _RESTITUTIONS.tolist()):
+        system = whole.limited((Constraint.at(5, gap, restitution),))
+        problem = time_history.Problem(system, start, _END)
+        results.append(time_history.solve(problem, time_history.plan(problem)))
+    return spent()
+
+
+def _drive(gaps: list[float]) -> float:
+    """Find the driven motions of beams with some gaps; return the processor time."""
+    first = driven_beam(25)
+    first, dof = first.at(first.Omega[20:21]), first.load[0].dofs[0]
+    results, spent = [], _spent(time.process_time)
+    for gap, restitution in itertools.product(gaps, _RESTITUTIONS.tolist()):
+        stops = (Constraint.at(dof, gap, restitution),)
+        problem = replace(first, system=first.system.limited(stops))
+        results.append(periodic_motions.solve(problem, periodic_motions.plan(problem)))
+    return spent()

@@ -15,6 +15,7 @@ from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError, as_answered
 from vibroimpact.jobs import AsyncJob, Submitted
+from vibroimpact.parts import Parts
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 from vibroimpact.transport import RETRIES, AsyncTransport
@@ -83,7 +84,7 @@ class AsyncClient(
         self, kind: str, request: Mapping[str, Any], *, progress: bool = False
     ) -> Result:
         answer = await self._open.hold(conversations.ask(kind, request, self._open.cache))
-        if isinstance(answer, bytes):
+        if isinstance(answer, bytes | Parts):
             return kinds.read(answer)
         job = AsyncJob(self._open, answer)
         with as_answered():

@@ -16,6 +16,7 @@ from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError, as_answered
 from vibroimpact.jobs import Job, Jobs, Submitted
+from vibroimpact.parts import Parts
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 from vibroimpact.transport import RETRIES, Transport
@@ -100,7 +101,7 @@ class Client(
 
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
         answer = self._transport.hold(conversations.ask(kind, request, self._transport.cache))
-        if isinstance(answer, bytes):
+        if isinstance(answer, bytes | Parts):
             return kinds.read(answer)
         with as_answered():
             return Job(self._transport, answer).wait(progress=progress).result()

@@ -28,8 +28,10 @@ from vibroimpact.errors import (
     from_problem,
     warn_of_neglected,
 )
+from vibroimpact.parts import Parts
 from vibroimpact.plain import plain
 from vibroimpact.systems import Document
+from vibroimpact_schema import entries
 
 if TYPE_CHECKING:
     from vibroimpact import documents
@@ -47,6 +49,10 @@ _FEW: Final = 8
 """Up to so many jobs are read one by one, more of them from the list of jobs."""
 _PAGE: Final = 500
 _HDF5: Final = {"Accept": "application/x-hdf5"}
+_ARRAYS: Final = {"Accept": f"{entries.MEDIA_TYPE}, application/x-hdf5;q=0.5"}
+"""For results that go to memory. Large ones come as HDF5, and so do those of a service that has
+no other form.
+"""
 
 
 class Send(TypedDict):
@@ -101,11 +107,7 @@ def request(
     Raise `ConnectionFailed` if the service does not respond, `ServerError` if it responds with a
     problem document.
     """
-    sent = dict(headers or {})
-    if method == "POST":
-        # The same key in all attempts, so that the service executes the request once.
-        sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
-    step = Send(method=method, url=path, json=json, params=params, headers=sent)
+    step = Send(method=method, url=path, json=json, params=params, headers=headers or {})
     if to is not None:
         step["to"] = to
     for attempt in count():
@@ -169,15 +171,15 @@ def _problem(answer: httpx2.Response) -> Document:
 
 def ask(
     kind: str, content: Mapping[str, Any], cache: Cache | None = None
-) -> Conversation[bytes | documents.Job]:
-    """Return the file of the result, or the job in which the service computes it.
+) -> Conversation[bytes | Parts | documents.Job]:
+    """Return the result, or the job in which the service computes it.
 
     With a cache, a result that is in it is not sent again, and serves where no service answers.
     """
     content = plain(content)
     known = None if cache is None else cache.known(kind, content)
     kept = None if cache is None or known is None else cache.result(known.digest)
-    headers = dict(_HDF5)
+    headers = dict(_ARRAYS if cache is None else _HDF5)
     if kept is not None and known is not None and known.etag is not None:
         headers["If-None-Match"] = known.etag
     try:
@@ -195,6 +197,13 @@ def ask(
     if cache is not None:
         digest = cache.keep(answer.content)
         cache.learn(kind, content, digest, answer.headers.get("ETag"))
+    return _content(answer)
+
+
+def _content(answer: httpx2.Response) -> bytes | Parts:
+    """Return what an answer has of a result: its file, or its parts."""
+    if answer.headers.get("Content-Type") == entries.MEDIA_TYPE:
+        return Parts(entries.unpack(answer.content))
     return answer.content
 
 
@@ -205,21 +214,22 @@ def plan(kind: str, content: Mapping[str, Any]) -> Conversation[documents.Plan]:
 
 def result(
     digest: str, to: Path | None = None, cache: Cache | None = None
-) -> Conversation[bytes | Path]:
-    """Return the file of a result by its digest, or write it to a path and return that."""
+) -> Conversation[bytes | Parts | Path]:
+    """Return a result by its digest, or write its file to a path and return that."""
     kept = None if cache is None or to is not None else cache.result(digest)
     if kept is not None:
         return kept
     return (yield from _file(f"/v1/results/{digest}", to, cache))
 
 
-def _file(address: str, to: Path | None, cache: Cache | None) -> Conversation[bytes | Path]:
-    answer = yield from request("GET", address, headers=_HDF5, to=to)
+def _file(address: str, to: Path | None, cache: Cache | None) -> Conversation[bytes | Parts | Path]:
+    headers = _ARRAYS if to is None and cache is None else _HDF5
+    answer = yield from request("GET", address, headers=headers, to=to)
     if to is not None:
         return to
     if cache is not None:
         cache.keep(answer.content)
-    return answer.content
+    return _content(answer)
 
 
 def store(system: Mapping[str, Any]) -> Conversation[documents.SystemReference]:
@@ -273,7 +283,9 @@ class Terms:
 def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[documents.Job]:
     """Queue a computation and return its job."""
     body = {"kind": kind, "request": plain(content), **terms.document()}
-    return read("POST", "/v1/jobs", json=body)
+    # The same key in all attempts, so that there is one job. Requests that are answered at once
+    # have none: repeated, they get the same result, and to record a key takes longer than that.
+    return read("POST", "/v1/jobs", json=body, headers={"Idempotency-Key": uuid.uuid4().hex})
 
 
 def submit_many(
@@ -379,8 +391,8 @@ def cancel(document: documents.Job) -> Conversation[documents.Job]:
 
 def job_result(
     document: documents.Job, to: Path | None = None, cache: Cache | None = None
-) -> Conversation[bytes | Path]:
-    """Return the file of the result of a job, or write it to a path and return that."""
+) -> Conversation[bytes | Parts | Path]:
+    """Return the result of a job, or write its file to a path and return that."""
     return _file(f"/v1/jobs/{document['id']}/result", to, cache)
 
 

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, Self
 from vibroimpact import kinds
 from vibroimpact.computations import Computations
 from vibroimpact.errors import MissingExtra, from_problem
-from vibroimpact.parts import Entries, Parts
+from vibroimpact.parts import Parts
 from vibroimpact.plain import plain
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 
 if TYPE_CHECKING:
     from vibroimpact import documents
+    from vibroimpact_schema.entries import Entry
 
 
 class Local(
@@ -75,8 +76,8 @@ class Local(
             raise from_problem(error.document) from None
 
 
-def _result(entries: Entries) -> Result:
-    return kinds.read(Parts(entries, _module().hdf5))
+def _result(entries: list[Entry]) -> Result:
+    return kinds.read(Parts(entries))
 
 
 def _module() -> ModuleType:

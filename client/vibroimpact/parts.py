@@ -1,17 +1,16 @@
-"""The parts of a result that this program computed itself: what its file would have, without it.
+"""The parts of a result without a file: what its file would have.
 
 They are read as those of the file are, by the part of h5py's interface that this needs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
-Entries = Sequence[tuple[str, tuple[Any, ...]]]
+from vibroimpact_schema.entries import Array, Entry
 
 
 class Dataset:
@@ -71,20 +70,16 @@ class Parts:
 
     Parameters
     ----------
-    entries : sequence
-        All that the file has, in order: ``("name_dimensions", (sizes, variables))``,
-        ``("array", (path, dimensions, values, dtype, attributes))``, ``("link", (path, other))``,
-        ``("describe", (path of a group, attributes))``.
-    write : callable
-        Returns the file of such entries.
+    entries : sequence of Entry
+        All that the file has, in order.
 
     Attributes
     ----------
     root : Group
     """
 
-    def __init__(self, entries: Entries, write: Callable[[Entries], bytes]) -> None:
-        self._entries, self._write = entries, write
+    def __init__(self, entries: Sequence[Entry]) -> None:
+        self._entries = entries
         self.root, sizes = Group("/"), dict[str, int]()
         for name, given in entries:
             match name:
@@ -101,4 +96,7 @@ class Parts:
 
     def hdf5(self) -> bytes:
         """Return the file."""
-        return self._write(self._entries)
+        # A tenth of a second, which the import of the client does not take.
+        from vibroimpact_schema.netcdf import file_of
+
+        return file_of(self._entries)

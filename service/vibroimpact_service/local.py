@@ -16,14 +16,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, BinaryIO, Final, TypeVar, cast
 
+from vibroimpact_schema.entries import Entry
 from vibroimpact_service import kinds, local_process, problems
 from vibroimpact_service.documents import planning, requests
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import hdf5 as files
-from vibroimpact_service.results.netcdf import Entry
 from vibroimpact_solvers.kernels import inventory
 
 Process = subprocess.Popen[bytes]
@@ -50,7 +49,7 @@ class FailedError(RuntimeError):
 def compute(
     kind: str, content: Mapping[str, Any], tick: Callable[[int, int], None] | None = None
 ) -> list[Entry]:
-    """Return the result of a request: all that its HDF5 file has, of which `hdf5` makes one.
+    """Return the result of a request: all that its HDF5 file has.
 
     A small result would take longer to be written to a file and read from it than to be computed.
 
@@ -88,11 +87,6 @@ def compute(
             raise RefusedError(document)
         case _:
             raise FailedError(answer[1])
-
-
-def hdf5(entries: list[Entry]) -> bytes:
-    """Return the HDF5 file of a result of `compute`, bit for bit that of a service."""
-    return files.file_of(entries)
 
 
 def _started() -> Process:

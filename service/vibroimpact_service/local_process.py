@@ -21,12 +21,12 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from vibroimpact_schema.entries import Entry
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import decode, planning, requests
 from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import hdf5
-from vibroimpact_service.results.netcdf import Entry
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import chunks, computation

@@ -12,8 +12,9 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact import kinds
+from vibroimpact.parts import Parts
 from vibroimpact.tables import Table
-from vibroimpact_schema import examples
+from vibroimpact_schema import entries, examples
 from vibroimpact_service.kinds import KINDS
 
 CASES = [(kind, name) for kind in KINDS for name in examples.requests(kind)]
@@ -52,6 +53,8 @@ def test_a_result_is_that_of_its_file(kind: str, name: str, tmp_path: Path) -> N
     assert one._about == other._about
     with one.open() as file:
         assert dict(file.attrs)["kind"] == one.kind
+    sent = Parts(entries.unpack(entries.pack(one._content._entries)))
+    assert sent.hdf5() == one._content.hdf5()
 
 
 def test_a_result_can_be_copied_and_sent_to_other_processes(tmp_path: Path) -> None:

@@ -37,16 +37,26 @@ def problem(status: int, **more: object) -> httpx2.Response:
     return httpx2.Response(status, json={"status": status, "detail": "so", "code": "x"} | more)
 
 
-def test_a_passing_fault_is_tried_again_with_the_same_key(pauses: list[float]) -> None:
+def test_a_passing_fault_of_a_job_is_tried_again_with_the_same_key(pauses: list[float]) -> None:
     played = Played(
         httpx2.ConnectError("down"),
         problem(503),
         httpx2.Response(200, json={"ok": True}),
     )
-    assert played.ask("POST", "/v1/x", json={}).json() == {"ok": True}
+    transport = Transport("http://service", 5.0, httpx2.MockTransport(played))
+    submitted = conversations.submit("impact-modes", {}, conversations.Terms())
+    assert transport.hold(submitted) == {"ok": True}
     keys = {request.headers["Idempotency-Key"] for request in played.requests}
     assert len(keys) == 1
     assert len(pauses) == 2
+
+
+def test_what_is_answered_at_once_is_tried_again_without_a_key(pauses: list[float]) -> None:
+    played = Played(httpx2.ConnectError("down"), httpx2.Response(200, content=b"file"))
+    transport = Transport("http://service", 5.0, httpx2.MockTransport(played))
+    assert transport.hold(conversations.ask("impact-modes", {})) == b"file"
+    assert not any("Idempotency-Key" in request.headers for request in played.requests)
+    assert len(pauses) == 1
 
 
 def test_retry_after_is_obeyed(pauses: list[float]) -> None:

@@ -15,12 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from vibroimpact_schema import entries
 from vibroimpact_service.results import csv_tables, encode
 from vibroimpact_service.results.encode import Content
 
 JSON: Final = "application/json"
 HDF5: Final = "application/x-hdf5"
 CSV: Final = "text/csv"
+ARRAYS: Final = entries.MEDIA_TYPE
 
 
 class Parameter(NamedTuple):
@@ -45,10 +47,13 @@ class Encoder:
     encode : callable
         ``(content, value of the parameter) -> bytes``.
     parameter : Parameter, optional
-        With one, representations are made whenever they are asked for; else they are stored.
+    stored : bool
+        Whether representations are stored; else they are made whenever they are asked for.
     convert : callable, optional
         ``(stored, offset, path)``: writes the file of a stored result piece by piece. Without it,
         large results are not sent in this media type.
+    large : str
+        Media type in which large results are sent instead; empty: they are refused.
     binary : bool
         Whether it is no text: saved as a file, and compressed already.
     """
@@ -56,7 +61,9 @@ class Encoder:
     suffix: str
     encode: Callable[[Content, str], bytes]
     parameter: Parameter | None = None
+    stored: bool = True
     convert: Callable[[Path, int, Path], None] | None = None
+    large: str = ""
     binary: bool = False
 
 
@@ -64,6 +71,12 @@ def _to_hdf5(content: Content, _: str) -> bytes:
     from vibroimpact_service.results import hdf5  # its libraries load at the first use
 
     return hdf5.to_hdf5(content)
+
+
+def _to_arrays(content: Content, _: str) -> bytes:
+    from vibroimpact_service.results import hdf5
+
+    return entries.pack(hdf5.entries(content))
 
 
 def _convert_to_hdf5(stored: Path, offset: int, path: Path) -> None:
@@ -75,7 +88,8 @@ def _convert_to_hdf5(stored: Path, offset: int, path: Path) -> None:
 ENCODERS: Final[Mapping[str, Encoder]] = {
     JSON: Encoder("json", encode.to_json),
     HDF5: Encoder("h5", _to_hdf5, convert=_convert_to_hdf5, binary=True),
-    CSV: Encoder("csv", csv_tables.to_csv, Parameter("table", csv_tables.TABLE)),
+    CSV: Encoder("csv", csv_tables.to_csv, Parameter("table", csv_tables.TABLE), stored=False),
+    ARRAYS: Encoder("arrays", _to_arrays, stored=False, large=HDF5, binary=True),
 }
 """By media type; the first is that of answers to requests that name none."""
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,10 @@ import h5py
 import numpy as np
 import orjson
 
+from vibroimpact_schema.entries import Entry
+from vibroimpact_schema.netcdf import Variables, file_of
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.encode import Content
-from vibroimpact_service.results.netcdf import Entry, Variables
 from vibroimpact_service.results.units import unit
 from vibroimpact_solvers.arrays import Quantity
 
@@ -22,16 +22,6 @@ from vibroimpact_solvers.arrays import Quantity
 def to_hdf5(content: Content) -> bytes:
     """Return the file of a result."""
     return file_of(entries(content))
-
-
-def file_of(given: Iterable[Entry]) -> bytes:
-    """Return the file of the entries of a result."""
-    # HDF5 refuses a name that is open, in memory too, as of another thread.
-    name = uuid.uuid4().hex
-    with h5py.File(name, "w", driver="core", backing_store=False, track_order=True) as file:
-        Variables(file).write(given)
-        file.flush()
-        return bytes(file.id.get_file_image())
 
 
 def convert(stored: Path, offset: int, path: Path) -> None:

@@ -60,15 +60,23 @@ class Representation:
         """Number of bytes."""
         return len(self.data) if self.file is None else self.file.stat().st_size - HEAD
 
+    @property
+    def is_coded(self) -> bool:
+        """Whether it is worth a content coding: neither small nor made of binary numbers."""
+        page = self._is_page
+        if self.file is not None or len(self.data) < (_SMALLEST_PAGE if page else _SMALLEST_CODED):
+            return False
+        return page or not encoder(self.media_type).binary
+
+    @property
+    def _is_page(self) -> bool:
+        """Whether it is no result but a file of the console or the contract, without encoder."""
+        return self.media_type.partition(";")[0] not in ENCODERS
+
     def coded(self, coding: str) -> Representation:
-        """Return it in a content coding, unless it is small, or compressed already."""
-        # Of what is no result, the files of the console and the contract, there are no encoders.
-        page = self.media_type.partition(";")[0] not in ENCODERS
-        smallest = _SMALLEST_PAGE if page else _SMALLEST_CODED
-        small = self.file is not None or len(self.data) < smallest
-        if small or (not page and encoder(self.media_type).binary):
-            return self
-        # The fastest levels: digits of numbers hardly get shorter by more effort, words do.
+        """Return it in a content coding."""
+        page = self._is_page
+        # The fastest levels for results: digits hardly get shorter by more effort, words do.
         if coding == "zstd":
             data = zstandard.ZstdCompressor(level=12 if page else 1).compress(self.data)
         else:
@@ -84,10 +92,10 @@ def encoder(media_type: str) -> Encoder:
 def load(store: Store, name: str, media_type: str) -> Representation | None:
     """Return a stored result in a media type, encoding it the first time; None if unknown."""
     how = encoder(media_type)
-    part = f"{name}.{how.suffix}"
     if store.results.local and (store.results.size(name) or 0) > LARGE:
-        return _load_file(store, name, part, media_type)
-    data = store.results.get(part) if how.parameter is None else None
+        return _load_file(store, name, how.large or media_type)
+    part = f"{name}.{how.suffix}"
+    data = store.results.get(part) if how.stored else None
     if data is not None:
         return Representation(media_type, data, digest.content(data))
     stored = store.results.get(name)
@@ -99,7 +107,7 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
         store.results.remove(name)
         return None
     made = of_content(content, media_type)
-    if how.parameter is not None:
+    if not how.stored:
         return made
     # It can be made again from the stored result at any time: a full store is no error.
     with contextlib.suppress(StoreFullError):
@@ -115,7 +123,8 @@ def check_size(size: float, media_type: str) -> None:
     ProblemError
         406.
     """
-    if encoder(media_type).convert is None and size * _BESIDE > LARGE:
+    how = encoder(media_type)
+    if how.convert is None and not how.large and size * _BESIDE > LARGE:
         detail = (
             f"A result of at least about {_BESIDE * size:.3g} bytes is sent as {IN_FILES} only."
         )
@@ -128,8 +137,9 @@ def of_content(content: Content, media_type: str) -> Representation:
     return Representation(media_type, data, digest.content(data))
 
 
-def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:
-    convert = encoder(media_type).convert
+def _load_file(store: Store, name: str, media_type: str) -> Representation | None:
+    how = encoder(media_type)
+    part, convert = f"{name}.{how.suffix}", how.convert
     if convert is None:
         detail = f"The result is larger than {LARGE} bytes: ask for {IN_FILES}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
@@ -211,6 +221,8 @@ class Results:
 
     async def coded(self, name: str, representation: Representation, coding: str) -> Representation:
         """Return a representation in a content coding, where it is worth it."""
+        if not representation.is_coded:
+            return representation
         coded = self._cache.get(name, representation.media_type, coding)
         if coded is None:
             loop = asyncio.get_running_loop()

@@ -219,7 +219,7 @@ ANSWERS = [
     for status, answer in operation["responses"].items()
     for media_type, content in answer.get("content", {}).items()
 ]
-BINARY = ("application/x-hdf5", "text/csv")
+BINARY = ("application/x-hdf5", "text/csv", "application/x-vibroimpact")
 
 
 @pytest.mark.parametrize(("operation", "status", "media_type", "content"), ANSWERS)

@@ -8,14 +8,17 @@ import time
 import h5netcdf
 import h5py
 import numpy as np
+import pytest
 
-from vibroimpact_service.results.netcdf import Entry, Variables
+from vibroimpact_schema import entries
+from vibroimpact_schema.entries import Entry
+from vibroimpact_schema.netcdf import file_of
 
 
-def written() -> bytes:
+def parts() -> list[Entry]:
     real, codes = np.dtype(np.float64), np.dtype(np.int8)
     flags = {"units": "m", "flag_values": np.int8([0, 1])}
-    entries: list[Entry] = [
+    return [
         ("describe", ("", {"kind": "täst", "count": 3})),
         ("name_dimensions", ({"t": 3, "row": 0, "dof": 2, "many": 10**5}, {"t", "x"})),
         ("array", ("t", ("t",), np.array([1.0, 2.0, 4.0]), real, {"units": "s"})),
@@ -25,10 +28,10 @@ def written() -> bytes:
         ("array", ("deep/er/y", ("many",), np.arange(10**5) % 7, codes, {})),
         ("link", ("t", "axes/t")),
     ]
-    with h5py.File("x", "w", driver="core", backing_store=False, track_order=True) as file:
-        Variables(file).write(entries)
-        file.flush()
-        return bytes(file.id.get_file_image())
+
+
+def written() -> bytes:
+    return file_of(parts())
 
 
 def test_dimensions_are_those_of_netcdf() -> None:
@@ -64,3 +67,44 @@ def test_equal_files_have_equal_bytes_whenever_they_are_written() -> None:
     first = written()
     time.sleep(1.1)  # times of HDF5 are whole seconds
     assert written() == first
+
+
+def test_entries_sent_as_bytes_make_the_same_file() -> None:
+    data = entries.pack(parts())
+    received = entries.unpack(data)
+    assert file_of(received) == written()
+    assert entries.pack(received) == data
+    (name, (_, dims, values, dtype, attributes)) = received[3]
+    assert (name, dims, dtype) == ("array", ("t", "dof"), np.float64)
+    assert values.tolist() == [[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]]
+    assert attributes["flag_values"].dtype == np.int8
+
+
+def test_numbers_are_sent_to_the_bit() -> None:
+    values = np.array([np.nan, np.inf, -0.0, 5e-324, 1.0 + 2.0**-52])
+    flags = {"largest": np.float64(1e300), "none": float("nan"), "count": np.int64(2**62)}
+    sent: list[Entry] = [("array", ("x", (), values, values.dtype, flags))]
+    ((_, (_, _, received, _, read)),) = entries.unpack(entries.pack(sent))
+    assert received.tobytes() == values.tobytes()
+    assert read["largest"] == 1e300
+    assert np.isnan(read["none"])
+    assert int(read["count"]) == 2**62
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"{}",
+        entries.pack(parts())[:-8],
+        entries.pack(parts())[:1000],
+        entries.pack([("write", ())]),
+        entries.pack([("link", ({"dtype": "|O", "shape": [1], "offset": 0}, "x"))]),
+        entries.pack([("link", ({"dtype": "<f8", "shape": [-2], "offset": 0}, "x"))]),
+        entries.pack([("link", ({"dtype": "<f8", "shape": [10**9], "offset": 0}, "x"))]),
+    ],
+)
+def test_other_bytes_are_refused(data: bytes) -> None:
+    # numpy, json and the module each say what is wrong
+    with pytest.raises(ValueError):  # noqa: PT011
+        entries.unpack(data)

@@ -11,17 +11,15 @@ functions of HDF5 itself, with what they have in common made once.
 from __future__ import annotations
 
 import mmap
+import uuid
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5p, h5s, h5t
 
-from vibroimpact_service.results.container import Array
-
-Entry: TypeAlias = tuple[str, tuple[Any, ...]]
-"""Part of a file: a method of `Variables` that writes it, and the arguments."""
+from vibroimpact_schema.entries import Array, Entry
 
 _TEXT: Final = h5py.string_dtype()
 _BARE: Final = b"This is a netCDF dimension but not a netCDF variable."
@@ -36,8 +34,18 @@ _ROWS: Final = 1024
 _ORDER: Final = h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED
 
 
+def file_of(given: Iterable[Entry]) -> bytes:
+    """Return the file of the entries of a result."""
+    # HDF5 refuses a name that is open, in memory too, as of another thread.
+    name = uuid.uuid4().hex
+    with h5py.File(name, "w", driver="core", backing_store=False, track_order=True) as file:
+        Variables(file).write(given)
+        file.flush()
+        return bytes(file.id.get_file_image())
+
+
 class Variables:
-    """Writes variables to an empty file.
+    """Writes variables to an empty file; `Entry` names its methods.
 
     Parameters
     ----------
