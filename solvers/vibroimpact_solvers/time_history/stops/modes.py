@@ -115,8 +115,6 @@ class StoppedModes:
             dtype=np.float64,
         )
         self.walls = structure.limits
-        there = np.isfinite(self.walls).tolist()
-        self.only_side = [0 if a and b else (1 if b else -1) for a, b in zip(*there, strict=True)]
         fastest = math.sqrt(float((self.stiffness * self.mobility).sum()))
         self.exponent = max(structure.exponent, exponent_of(np.array([fastest]), 1.0))
         if fastest == 0.0:
@@ -129,6 +127,11 @@ class StoppedModes:
             (): _Modes(np.eye(count), self.rows, open_modes)
         }
         self._placed: dict[tuple[tuple[int, int], ...], Placed] = {}
+
+    def forget(self) -> None:
+        """Let go of the modes with loaded stops."""
+        self._modes = {(): self._modes[()]}
+        self._placed = {}
 
     def acts(self, constraint: int) -> bool:
         """Whether a stop has any force."""

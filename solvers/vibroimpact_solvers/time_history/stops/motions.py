@@ -72,26 +72,22 @@ class StoppedMotions:
         else:
             values["error_condition"] = values["error_predictable_until"] = math.nan
         if "contacts" in problem.outputs:
-            values |= self._table(motion, known)
+            values |= self._contacts(motion, known)
         if "energy" in problem.outputs and conserves(problem):
             values["error_energy_drift"] = float(relative_drift(values["energy"][np.newaxis])[0])
         return Result(**values)
 
-    def _table(self, motion: StoppedMotion, known: float) -> dict[str, Any]:
+    def _contacts(self, motion: StoppedMotion, known: float) -> dict[str, Any]:
         """Return the table of contacts, and its errors."""
-        rows = motion.contacts.rows
-        table: dict[str, Any] = {
-            f"contact_{name}": np.array([getattr(row, name) for row in rows], dtype=np.float64)
-            for name in _COLUMNS
-        }
+        rows = motion.contacts
+        table: dict[str, Any] = {f"contact_{name}": rows[name].copy() for name in _COLUMNS}
         table["contact_rest"] = table["contact_start"].copy()
         for name in ("constraint", "side"):
-            table[f"contact_{name}"] = np.array([getattr(r, name) for r in rows], dtype=np.int64)
+            table[f"contact_{name}"] = rows[name].copy()
         if self._problem.estimate:
             ends = table["contact_stop"]
             for name in _COLUMNS:
-                each = np.array([getattr(r, f"error_{name}") for r in rows], dtype=np.float64)
                 at = table["contact_start"] if name == "start" else ends
-                table[f"error_contact_{name}"] = masked(at, each, known)
+                table[f"error_contact_{name}"] = masked(at, rows[f"error_{name}"].copy(), known)
             table["error_contact_rest"] = table["error_contact_start"].copy()
         return table

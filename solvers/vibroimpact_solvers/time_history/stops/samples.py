@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels.contact_phases import SAMPLED
+from vibroimpact_solvers.kernels.stopped_scenes import LOADED, OPEN
 from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.stops.configurations import (
-    LOADED,
-    OPEN,
-    Scene,
-    StoppedStructure,
-)
-from vibroimpact_solvers.time_history.stops.contacts import SAMPLED
+from vibroimpact_solvers.time_history.stops.configurations import StoppedStructure
+from vibroimpact_solvers.time_history.stops.scenes import Scene
 
 _ROUNDED = 8.0  # roundings of an output
 _LARGEST = 1e150  # of deviations
@@ -53,13 +50,13 @@ class Samples:
             if problem.estimate:
                 self.values[f"error_{name}"] = np.empty(shapes[name])
 
-    def take(self, scene: Scene, rows: slice, states: Floats, spreads: Floats) -> None:
+    def take(self, scene: Scene, rows: Integers, states: Floats, spreads: Floats) -> None:
         """Take the states of some output times, and the sizes of their deviations.
 
         Parameters
         ----------
         scene : Scene
-        rows : slice
+        rows : array of int
             Of the output times.
         states, spreads : array, shape (time, 2, pair)
         """
@@ -83,7 +80,7 @@ class Samples:
         if "force" in outputs:
             self._take_forces(scene, rows, states, off)
 
-    def _take_errors(self, scene: Scene, rows: slice, states: Floats, off: Floats) -> None:
+    def _take_errors(self, scene: Scene, rows: Integers, states: Floats, off: Floats) -> None:
         basis, outputs = scene.basis, self._problem.outputs
         shapes = basis.modes.shapes[self._dofs]
         flat = (off + _ROUNDED * EPS * np.abs(states)).reshape(len(states), -1)
@@ -113,7 +110,9 @@ class Samples:
                 beyond[:, a] = side * (moved[:, a] + placed.levels[a]) - structure.wall(a, side)
         return beyond
 
-    def _take_energies(self, scene: Scene, rows: slice, states: Floats, off: Floats | None) -> None:
+    def _take_energies(
+        self, scene: Scene, rows: Integers, states: Floats, off: Floats | None
+    ) -> None:
         """Take the energies of the structure, of its constant load and of indented stops."""
         structure, basis, placed = self._structure, scene.basis, scene.placed
         free = structure.structure.configuration().basis.modes
@@ -142,21 +141,24 @@ class Samples:
         terms = kinetic + np.abs(u * (0.5 * stiffness * u - free.load)).sum(axis=1)
         self.values["error_energy"][rows] = error + _ROUNDED * EPS * terms + LEAST
 
-    def _take_forces(self, scene: Scene, rows: slice, states: Floats, off: Floats | None) -> None:
+    def _take_forces(
+        self, scene: Scene, rows: Integers, states: Floats, off: Floats | None
+    ) -> None:
         """Take the forces of stops, zero of those that are not loaded."""
-        force = self.values["force"][rows]
-        force[:] = 0.0
-        error = None
+        flat = states.reshape(len(states), -1)
+        force = np.zeros((len(states), len(scene.states)))
+        error = np.zeros_like(force)
+        sizes = None
         if off is not None:
-            error = self.values["error_force"][rows]
-            error[:] = 0.0
-            flat = (off + _ROUNDED * EPS * np.abs(states)).reshape(len(states), -1)
+            sizes = (off + _ROUNDED * EPS * np.abs(states)).reshape(flat.shape)
         for a, code in enumerate(scene.states):
             if abs(code) != LOADED:
                 continue
             form, level = scene.force_form(a)
-            force[:, a] = np.maximum(states.reshape(len(states), -1) @ form.ravel() + level, 0.0)
-            if error is not None:
-                place = len(scene.states) + scene.forces.index(a)
-                size = abs(level) + float(scene.kernel.walls["size"][place])
-                error[:, a] = flat @ np.abs(form).ravel() + _ROUNDED * EPS * size
+            force[:, a] = np.maximum(flat @ form.ravel() + level, 0.0)
+            if sizes is not None:
+                size = abs(level) + float(scene.kernel.walls["size"][scene.force_place(a)])
+                error[:, a] = sizes @ np.abs(form).ravel() + _ROUNDED * EPS * size
+        self.values["force"][rows] = force
+        if off is not None:
+            self.values["error_force"][rows] = error
