@@ -29,7 +29,7 @@ from vibroimpact_solvers.kernels.flow import (
     set_lengths,
     set_propagator,
 )
-from vibroimpact_solvers.kernels.jit import inline, inner, once, record
+from vibroimpact_solvers.kernels.jit import inline, inner, never_inlined, once, record
 from vibroimpact_solvers.kernels.passages import ORDER, horizon, remainder
 from vibroimpact_solvers.kernels.rigid_state import Rows, Scratch, Structure
 from vibroimpact_solvers.kernels.stopped_scenes import (
@@ -244,12 +244,21 @@ def end_all(
 
 
 @inner
-def _largest(c: Floats, order: int, h: float) -> float:
-    """Return the largest value in [0, h] of the polynomial ``sum c_n t^n`` of some degree."""
-    best, at = -np.inf, 0.0
-    for part in range(_NODES + 1):
-        t = h * part / _NODES
-        value = 0.0
+def _largest(c: Floats, order: int, r: float) -> float:
+    """Return the largest value in [-r, r] of the polynomial ``sum c_n t^n`` of some degree."""
+    never_inlined()
+    first, last, bends, power = 0.0, 0.0, 0.0, 1.0
+    for n in range(order, -1, -1):
+        first, last = c[n] - first * r, c[n] + last * r
+    for n in range(2, order + 1):
+        power *= r
+        bends += n * abs(c[n]) * power
+    best = max(first, last)
+    if bends < abs(c[1]):
+        return best  # it rises or falls all the way
+    at = -r if first > last else r
+    for part in range(1, _NODES):
+        t, value = r * (2 * part - _NODES) / _NODES, 0.0
         for n in range(order, -1, -1):
             value = value * t + c[n]
         if value > best:
@@ -264,26 +273,40 @@ def _largest(c: Floats, order: int, h: float) -> float:
         best = max(best, value)
         if bend >= 0.0:
             break
-        t = min(max(t - slope / bend, 0.0), h)
+        t = min(max(t - slope / bend, -r), r)
     return best
 
 
 @inline
-def _add_step(contact: Rows, c: Floats, f: Floats, h: float, scale: float) -> None:
-    """Add polynomials of the indentation and of the force over a step to a phase."""
-    contact.indentation = max(contact.indentation, _largest(c, ORDER - 1, h))
-    contact.peak_force = max(contact.peak_force, _largest(f, ORDER - 2, h))
+def _square(c: Floats, r: float) -> float:
+    """Return the integral over [-r, r] of the square of the rate of ``sum c_n t^n``."""
     total = 0.0
     for m in range(ORDER - 1, 0, -1):
         inside = 0.0
         for n in range(ORDER - 1, 0, -1):
-            inside = inside * h + n * c[n] / (m + n - 1.0)
-        total = total * h + m * c[m] * inside
-    contact.square += h * total
-    total = 0.0
-    for n in range(ORDER - 2, -1, -1):
-        total = total * h + f[n] / (n + 1.0)
-    contact.impulse += h * total / scale
+            odd = (m + n) % 2 == 1  # powers that cancel
+            inside = inside * r + (0.0 if odd else n * c[n] / (m + n - 1.0))
+        total = total * r + m * c[m] * inside
+    return 2.0 * r * total
+
+
+@inline
+def _add_step(contact: Rows, c: Floats, law: tuple[float, float], r: float, scale: float) -> None:
+    """Add a polynomial of the indentation over [-r, r] to a phase; damping by the basis' time."""
+    stiffness, damping = law
+    contact.indentation = max(contact.indentation, _largest(c, ORDER - 1, r))
+    if damping == 0.0:
+        contact.peak_force = max(contact.peak_force, stiffness * contact.indentation)
+    total, square = 0.0, r * r
+    for n in range(ORDER - 2, -1, -2):
+        total = total * square + stiffness * c[n] / (n + 1.0)
+    if damping > 0.0:
+        rise = 0.0
+        for n in range(ORDER - 1, 0, -2):
+            rise = rise * square + c[n]
+        total += damping * rise  # the change of the indentation, over 2 r
+        contact.square += _square(c, r)
+    contact.impulse += 2.0 * r * total / scale
 
 
 class Passed(NamedTuple):
@@ -311,7 +334,7 @@ def _follow_indentation(
     t, span, size, budget = given
     flow, watched, a, side = structure.flow, structure.watched, contact.constraint, contact.side
     scale, piece = prepared.scale, scratch.piece[0]
-    stiffness, damping = prepared.laws[a].stiffness, prepared.laws[a].damping * scale
+    law = prepared.laws[a].stiffness, prepared.laws[a].damping * scale
     level = prepared.stops[place, a].indentation
     longest = min(prepared.scenes[place].longest, _LONGEST)
     d, c, f = scratch.derivatives, scratch.roots[Z1], scratch.roots[Z2]
@@ -320,23 +343,29 @@ def _follow_indentation(
         piece.work += _STEP + _STEP_OF_PAIR * scratch.z.shape[1]
         set_propagator(flow, t, 0.0, scratch.propagator)
         propagate_state(flow, scratch.propagator, t, passed.begin, scratch.z)
-        derivatives(flow, watched.coordinate[a], scratch.z, d)
         set_lengths(flow, scratch.z, scratch.lengths)
         ahead = min(span - t, longest)
         B = bound(flow, watched, a, scratch.z, scratch.lengths, True, ahead)
-        h = min(horizon(B, _FINE * size), ahead)
+        h = min(2.0 * horizon(B, _FINE * size), ahead)
         h = h if t + h > t else span - t
+        # Expanded in the middle, a polynomial lasts twice as long.
+        r = 0.5 * h
+        set_propagator(flow, t + r, 0.0, scratch.propagator)
+        propagate_state(flow, scratch.propagator, t + r, passed.begin, scratch.z)
+        derivatives(flow, watched.coordinate[a], scratch.z, d)
         power = 1.0
         for n in range(ORDER):
             c[n] = side * d[n] * power
             power /= n + 1.0
         c[0] += level
-        for n in range(ORDER - 1):
-            f[n] = stiffness * c[n] + damping * (n + 1.0) * c[n + 1]
-        _add_step(contact, c, f, h, scale)
-        less = remainder(B, h)
+        _add_step(contact, c, law, r, scale)
+        if law[1] > 0.0:
+            for n in range(ORDER - 1):
+                f[n] = law[0] * c[n] + law[1] * (n + 1.0) * c[n + 1]
+            contact.peak_force = max(contact.peak_force, _largest(f, ORDER - 2, r))
+        less = remainder(B, r)
         contact.left_out = max(contact.left_out, less)
-        contact.rate_left_out = max(contact.rate_left_out, ORDER * less / h)
+        contact.rate_left_out = max(contact.rate_left_out, ORDER * less / r)
         t += h
     return float(t)
 

@@ -16,9 +16,9 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.contact_phases import SAMPLED
 from vibroimpact_solvers.kernels.deviations import EPS
 from vibroimpact_solvers.kernels.flow import Z1, Z2, magnitude, product
-from vibroimpact_solvers.kernels.jit import inline, inner, once, record
+from vibroimpact_solvers.kernels.jit import inline, inner, never_inlined, once, record
 from vibroimpact_solvers.kernels.next_impact import SIMULTANEOUS
-from vibroimpact_solvers.kernels.rigid_state import Motion, Rows, Structure
+from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows, Structure
 from vibroimpact_solvers.kernels.stopped_scenes import (
     LOADED,
     OPEN,
@@ -124,6 +124,7 @@ def _convert(numbers: Floats, first: int, before: Floats, after: Floats, sizes: 
     The first row is a state, the others are deviations. The matrix stands by columns: what each
     number before makes of all after.
     """
+    never_inlined()
     n, m, count = before.shape[1], after.shape[1], before.shape[0]
     for k in range(count):
         for i in range(m):
@@ -146,6 +147,7 @@ def _convert(numbers: Floats, first: int, before: Floats, after: Floats, sizes: 
 @inner
 def _mix(shares: Floats, z: Floats, fixed: Floats) -> None:
     """Add errors of complex modes: their shares of other pairs, in units of 2^-52."""
+    never_inlined()
     pairs = z.shape[1]
     for j in range(pairs):
         total = 0.0
@@ -214,17 +216,17 @@ def spare_size(columns: int, pairs: int) -> int:
     return 2 * (1 + columns) + 2 * pairs * (4 + columns)
 
 
-@inline
-def _lose_loads(structure: Structure, motion: Motion) -> None:
-    """Let the loads of deviations be unknown as this structure's responses to them are.
+@inner
+def lose_loads(errors: Errors, z: Floats, deviations: Floats) -> None:
+    """Let the loads of deviations be unknown as a structure's responses to them are.
 
     Displacements and velocities stay what they are.
     """
-    errors, deviations = structure.errors, motion.deviations
+    never_inlined()
     carried, signs = errors.carried, errors.signs
     for k in range(errors.loads.size):
         p = errors.loads[k]
-        size = errors.doubts[p] * math.hypot(motion.z[Z1, p], motion.z[Z2, p])
+        size = errors.doubts[p] * math.hypot(z[Z1, p], z[Z2, p])
         for c in range(deviations.shape[0]):
             dz, row = deviations[c], (c + 1) % signs.shape[0]
             first = size * signs[row, Z1, p] - dz[Z1, p]
@@ -238,29 +240,41 @@ def _lose_loads(structure: Structure, motion: Motion) -> None:
 
 @inner
 def add_deviations(
-    prepared: Scenes, structure: Structure, motion: Motion, at: Rows, spare: Floats
-) -> None:
-    """Add roundings of a switching to deviations, and what a jump of a force makes of them."""
-    deviations, z, signs = motion.deviations, motion.z, structure.errors.signs
-    count, pairs = 1 + at.columns, z.shape[1]
-    off = spare[: at.columns]
-    size = spare[count : count + 2 * pairs].reshape(2, pairs)
-    fixed = spare[count + 2 * pairs : count + 4 * pairs].reshape(2, pairs)
-    c, kick = prepared.laws[at.a].damping / prepared.scale, structure.watched.kick[at.a]
-    for column in range(deviations.shape[0]):
+    c: float, kick: Floats, signs: Floats, z: Floats, deviations: Floats, switches: int,
+    spare: Floats,
+) -> None:  # fmt: skip
+    """Add roundings of a switching to deviations, and what a jump of a force makes of them.
+
+    Parameters
+    ----------
+    c : float
+        Damping of the stop that has switched, by the basis' time.
+    kick : array, shape (2, pair)
+        Change of the state by a unit impulse at it.
+    signs : array, shape (row, 2, pair)
+    z, deviations : array
+        In the new scene.
+    switches : int
+        So far.
+    spare : array
+        As `carry_over` left it.
+    """
+    never_inlined()
+    columns, pairs = deviations.shape[0], z.shape[1]
+    off, first = spare[:columns], 1 + columns
+    size = spare[first : first + 2 * pairs].reshape(2, pairs)
+    fixed = spare[first + 2 * pairs : first + 4 * pairs].reshape(2, pairs)
+    for column in range(columns):
         dz = deviations[column]
-        each = signs[(at.switches + _APART * (column + 1)) % signs.shape[0]]
+        each = signs[(switches + _APART * (column + 1)) % signs.shape[0]]
         same, jump = signs[column + 1], c * off[column]
-        for j in range(pairs):
-            first = size[Z1, j] * each[Z1, j] - jump * kick[Z1, j]
-            second = size[Z2, j] * each[Z2, j] - jump * kick[Z2, j]
-            dz[Z1, j] += first + math.copysign(fixed[Z1, j], z[Z1, j]) * same[Z1, j]
-            dz[Z2, j] += second + math.copysign(fixed[Z2, j], z[Z2, j]) * same[Z2, j]
-    if at.converted:
-        _lose_loads(structure, motion)
+        for k in range(2):
+            for j in range(pairs):
+                more = size[k, j] * each[k, j] - jump * kick[k, j]
+                dz[k, j] += more + math.copysign(fixed[k, j], z[k, j]) * same[k, j]
 
 
-@inner
+@once
 def watch(prepared: Scenes, structure: Structure, motion: Motion, at: Rows) -> None:
     """Watch the form that was zero: give it some room where it does not clearly move away.
 

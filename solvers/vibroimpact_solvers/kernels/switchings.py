@@ -49,7 +49,7 @@ from vibroimpact_solvers.kernels.flow import (
     set_propagator,
     two_sum,
 )
-from vibroimpact_solvers.kernels.jit import bare, inner, once
+from vibroimpact_solvers.kernels.jit import bare, inline, inner, never_inlined, once
 from vibroimpact_solvers.kernels.next_impact import AT_END, PAUSED, find_reach, next_event
 from vibroimpact_solvers.kernels.rigid_state import (
     ANEW,
@@ -65,6 +65,7 @@ from vibroimpact_solvers.kernels.scene_changes import (
     CONVERTED,
     add_deviations,
     carry_over,
+    lose_loads,
     next_state,
     time_error,
     watch,
@@ -112,6 +113,18 @@ class Taken(NamedTuple):
     states: Floats  # (row, 2 pair)
     spreads: Floats  # (row, 2 pair): the largest magnitudes of the deviations
     scenes: Integers  # (row,)
+
+
+class Work(NamedTuple):
+    """What the loop keeps from call to call, with room for any scene."""
+
+    Z: Floats  # the state and its deviations, flat
+    room: Floats  # of `rigid_state.workspace`, the marks flat
+    marks: Integers
+    struck: Rows
+    piece: Rows
+    spare: Floats  # (`spare_size`,)
+    kept: Floats  # (8 pair,): four states; the magnitudes of the first state at the beginning
 
 
 @once
@@ -182,20 +195,27 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
     return bool(now.time + now.time_rest != begun)
 
 
-@inner
+@inline
+def _fades(alpha: Floats, s: float) -> bool:
+    """Return whether anything decays to 1/e or less in a time s."""
+    fastest = 0.0
+    for j in range(alpha.size):
+        fastest = max(fastest, -alpha[j])
+    return fastest * s > 1.0
+
+
+@once
 def _note_on_the_way(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> None:
     """Note what the end of a free motion does not show."""
     now = motion.progress[0]
-    if motion.deviations.shape[0] == 0:
-        return
     drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
     if now.known_until == np.inf and (drifted or grows(structure.flow)):
         lose_on_the_way(structure, motion, scratch, s)
-    if structure.flow.damped:
+    if structure.flow.damped and _fades(structure.flow.alpha, s):
         note_what_decays(structure, motion, scratch, s)
 
 
-@inner
+@inline
 def _set_costs(structure: Structure, scratch: Scratch, columns: int) -> None:
     """Tell what parts of the work cost."""
     flow, m, piece = structure.flow, structure.walls.size, scratch.piece[0]
@@ -268,7 +288,8 @@ def _free_motion(
     if stop != _FOUND:
         piece.stage = SAMPLING
         return stop
-    _note_on_the_way(structure, motion, scratch, s)
+    if motion.deviations.shape[0] > 0:
+        _note_on_the_way(structure, motion, scratch, s)
     begun, sums = now.time, at.lasting > 0
     if sums:
         _keep(motion, structure.flow.rotations, passed, False)
@@ -317,6 +338,82 @@ def _account(
     at.phases += abs(at.new) == LOADED
 
 
+@once
+def _enter(prepared: Scenes, structure: Structure, motion: Motion, at: Rows, spare: Floats) -> None:
+    """Conclude a switching in its new scene."""
+    deviations, errors = motion.deviations, structure.errors
+    at.entered = 0
+    motion.progress[0].longest = prepared.scenes[at.scene].longest
+    if deviations.shape[0] > 0:
+        c, kick = prepared.laws[at.a].damping / prepared.scale, structure.watched.kick[at.a]
+        add_deviations(c, kick, errors.signs, motion.z, deviations, at.switches, spare)
+        if at.converted and errors.loads.size > 0:
+            lose_loads(errors, motion.z, deviations)
+    watch(prepared, structure, motion, at)
+
+
+@inner
+def _advance(
+    prepared: Scenes, given: Motion, course: Rows, work: Work, taken: Taken, phases: Phases
+) -> int:
+    """Go on in a scene until a stop has switched; return why that was not reached.
+
+    The structure, which is many arrays, has a name in here only: the compiler takes long for loops
+    over it, and each call that it is given to stores them all.
+    """
+    never_inlined()
+    Z, progress, at = work.Z, given.progress, course[0]
+    now, piece = progress[0], work.piece[0]
+    scene = prepared.scenes[at.scene]
+    pairs, size = scene.pairs, 2 * scene.pairs
+    structure = scene_of(prepared, at.scene)
+    own = work.room, work.marks, work.struck, work.piece
+    scratch = scratch_for(own, scene.watched, pairs, scene.modes)
+    z = Z[:size].reshape(2, pairs)
+    deviations = Z[size : (1 + at.columns) * size].reshape(at.columns, 2, pairs)
+    motion = Motion(z, deviations, progress, given.impacts, given.output_times)
+    kept = work.kept[: 4 * size].reshape(4, 2, pairs)
+    passed = Passed(kept[0], kept[1], kept[2], kept[3])
+    _set_costs(structure, scratch, at.columns)
+    if not now.begun:
+        _begin(structure, motion, passed.begin)
+        if at.wanted:
+            at.phases = at.lasting = begin_all(prepared, structure, at.scene, phases, z)
+    if at.entered:
+        _enter(prepared, structure, motion, at, work.spare)
+    if piece.stage < SUMMING:
+        stop = _free_motion(structure, motion, scratch, taken, passed, at)
+        if stop != _FOUND:
+            return stop
+    if piece.stage == SUMMING:
+        todo = at.summed, at.done, at.span, now.budget
+        at.summed, at.done = sum_up(prepared, structure, at.scene, phases, scratch, passed, todo)
+        if at.summed < prepared.laws.size:
+            return _PAUSE
+        piece.stage = SWITCHING
+    if at.still > _MOST_STILL:
+        return _STILL
+    if piece.who < 0:
+        piece.stage, at.switches = ANEW, at.switches + 1
+        if piece.who == AT_END and at.last and at.wanted:
+            set_spread_of(deviations, structure.flow.rotations, passed.after)
+            end_all(prepared, structure, at.scene, phases, z, passed.after, now.end)
+        return _END if piece.who == AT_END else _FOUND
+    stop = _prepare_switch(prepared, structure, motion, scratch, at)
+    if stop != _FOUND:
+        return stop
+    if at.wanted:
+        if at.phases >= phases.rows.size:
+            return _PHASES
+        _account(prepared, structure, motion, scratch, phases, passed.after, at)
+    change = prepared.changes[at.scene, at.a, at.new + RELEASED]
+    to, passage = change.scene, change.passage
+    carry_over(prepared, structure, motion, at, to, passage, Z, work.spare)
+    piece.work += _SWITCHED + size * size * (2 + at.columns) // 4
+    at.scene, at.entered, piece.stage, at.switches = to, 1, ANEW, at.switches + 1
+    return _MANY if at.switches > _MOST else _FOUND
+
+
 @bare
 def follow(book: Any, motion: Any, work: Any, samples: Any, table: Any) -> int:
     """Follow a motion from its present state to its end, or to what Python has to do.
@@ -328,11 +425,9 @@ def follow(book: Any, motion: Any, work: Any, samples: Any, table: Any) -> int:
     book : tuple
         `Scenes`.
     motion : tuple
-        The state and its deviations, flat, with room for those of any scene; `PROGRESS` and
-        `COURSE` of a row each; a table of impacts, of no rows; the output times.
+        `PROGRESS` and `COURSE` of a row each, a table of impacts, of no rows, and the output times.
     work : tuple
-        Of `rigid_state.workspace` for the largest scene, its marks flat; and room of `spare_size`
-        and for four states.
+        `Work`.
     samples : tuple
         `Taken`.
     table : tuple
@@ -343,71 +438,12 @@ def follow(book: Any, motion: Any, work: Any, samples: Any, table: Any) -> int:
     int
         A `Stop`; where it is not the end, another call goes on from there.
     """
-    prepared, taken, phases = Scenes(*book), Taken(*samples), Phases(*table)
-    Z, progress, course, impacts, times = motion
-    room, marks, struck, pieces, spare, kept = work
-    at, now, piece = course[0], progress[0], pieces[0]
-    piece.work = 0
-    while True:
-        scene = prepared.scenes[at.scene]
-        pairs, size = scene.pairs, 2 * scene.pairs
-        structure = scene_of(prepared, at.scene)
-        scratch = scratch_for((room, marks, struck, pieces), scene.watched, pairs, scene.modes)
-        z = Z[:size].reshape(2, pairs)
-        deviations = Z[size : (1 + at.columns) * size].reshape(at.columns, 2, pairs)
-        current = Motion(z, deviations, progress, impacts, times)
-        passed = Passed(
-            kept[:size].reshape(2, pairs),
-            kept[size : 2 * size].reshape(2, pairs),
-            kept[2 * size : 3 * size].reshape(2, pairs),
-            kept[3 * size : 4 * size].reshape(2, pairs),
-        )
-        _set_costs(structure, scratch, at.columns)
-        if not now.begun:
-            _begin(structure, current, passed.begin)
-            if at.wanted:
-                at.phases = begin_all(prepared, structure, at.scene, phases, z)
-                at.lasting = at.phases
-        if at.entered:
-            at.entered = 0
-            now.longest = scene.longest
-            if at.columns > 0:
-                add_deviations(prepared, structure, current, at, spare)
-            watch(prepared, structure, current, at)
-        if piece.stage < SUMMING:
-            stop = _free_motion(structure, current, scratch, taken, passed, at)
-            if stop != _FOUND:
-                return stop
-        if piece.stage == SUMMING:
-            given = at.summed, at.done, at.span, now.budget
-            at.summed, at.done = sum_up(
-                prepared, structure, at.scene, phases, scratch, passed, given
-            )
-            if at.summed < prepared.laws.size:
-                return _PAUSE
-            piece.stage = SWITCHING
-        if at.still > _MOST_STILL:
-            return _STILL
-        if piece.who < 0:
-            piece.stage, at.switches = ANEW, at.switches + 1
-            if piece.who == AT_END:
-                if at.last and at.wanted:
-                    set_spread_of(deviations, structure.flow.rotations, passed.after)
-                    after = passed.after
-                    end_all(prepared, structure, at.scene, phases, z, after, now.end)
-                return _END
-            continue
-        stop = _prepare_switch(prepared, structure, current, scratch, at)
-        if stop != _FOUND:
-            return stop
-        if at.wanted:
-            if at.phases >= phases.rows.size:
-                return _PHASES
-            _account(prepared, structure, current, scratch, phases, passed.after, at)
-        change = prepared.changes[at.scene, at.a, at.new + RELEASED]
-        carry_over(prepared, structure, current, at, change.scene, change.passage, Z, spare)
-        piece.work += _SWITCHED + size * size * (2 + at.columns) // 4
-        at.scene, at.entered, piece.stage = change.scene, 1, ANEW
-        at.switches += 1
-        if at.switches > _MOST:
-            return _MANY
+    prepared, taken, phases, own = Scenes(*book), Taken(*samples), Phases(*table), Work(*work)
+    progress, course, impacts, times = motion
+    none = own.kept[:0]
+    given = Motion(none.reshape(0, 0), none.reshape(0, 0, 0), progress, impacts, times)
+    own.piece[0].work = 0
+    stop = _FOUND
+    while stop == _FOUND:
+        stop = _advance(prepared, given, course, own, taken, phases)
+    return stop

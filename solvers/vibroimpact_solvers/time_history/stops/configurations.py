@@ -7,7 +7,7 @@ A stop is open, loaded or released (`vibroimpact_solvers.laws`); with the modes 
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -29,11 +29,17 @@ class StoppedStructure(StoppedModes):
     ----------
     structure : Structure
         The structure that no stop touches.
+
+    Attributes
+    ----------
+    free : dict
+        Arrays of motions that have ended, by the numbers of deviations and of output times.
     """
 
     def __init__(self, structure: Structure) -> None:
         super().__init__(structure)
         self._table = SceneTable(self)
+        self.free: dict[tuple[int, int], list[Any]] = {}
 
     @property
     def table(self) -> SceneTable:

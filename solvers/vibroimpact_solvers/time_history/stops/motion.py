@@ -7,14 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.contact_phases import MARKS, NONE, PHASE
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
 from vibroimpact_solvers.kernels.scene_changes import COURSE, spare_size
 from vibroimpact_solvers.kernels.switchings import Stop, follow
 from vibroimpact_solvers.meter import hold, look
-from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.problem import Problem, State, tolerance_of
 from vibroimpact_solvers.time_history.run import WORK, Tick
 from vibroimpact_solvers.time_history.stops.configurations import StoppedStructure
@@ -25,19 +24,21 @@ _NUMBERS: Final = 2**16  # of samples that are taken at once, or
 _ROWS: Final = 16  # so many samples, however many pairs there are
 _PHASES: Final = 64  # rows of the first table of contacts
 _KEPT: Final = 4  # states besides that of the motion
+_ENDED, _SCENE, _FULL, _STUCK = map(int, (Stop.END, Stop.SCENE, Stop.PHASES, Stop.STILL))
+_REFUSED: Final = (_STUCK, int(Stop.MANY))
 _NO_IMPACTS: Final = np.empty(0, IMPACT)
 
 
 class StoppedMotion:
-    """One motion of a structure with stops of finite stiffness.
+    """A motion of a structure with stops of finite stiffness, and then another one.
 
     Parameters
     ----------
     structure : StoppedStructure
-    problem : Problem
-        With displacements and velocities as initial state.
-    samples : Samples
-        What becomes of the states at the output times.
+    columns : int
+        Number of deviations that are carried along for error estimates.
+    rows : int
+        Output times, of which many are taken in parts.
 
     Attributes
     ----------
@@ -45,83 +46,103 @@ class StoppedMotion:
         Of `rigid_state.PROGRESS` and `scene_changes.COURSE`.
     """
 
-    def __init__(self, structure: StoppedStructure, problem: Problem, samples: Samples) -> None:
-        self._structure, self._samples, self._table = structure, samples, structure.table
-        self._times = problem.history_times * structure.scale
-        self._end = problem.t_end * structure.scale
-        self._columns = COLUMNS if problem.estimate else 0
+    def __init__(self, structure: StoppedStructure, columns: int, rows: int) -> None:
+        self._structure, self._columns, self._rows = structure, columns, rows
+        self._table, self._pairs, self._watched = structure.table, 0, 0
         self.progress, self.course = np.zeros(1, PROGRESS), np.zeros(1, COURSE)
-        now, at = self.progress[0], self.course[0]
-        now["budget"], now["growth"], now["known_until"] = WORK, 1.0, math.inf
-        now["released"], now["end"], now["tolerance"] = -1, self._end, tolerance_of(problem)
-        now["scale"] = structure.scale
-        at["columns"], at["wanted"] = self._columns, "contacts" in problem.outputs
+        self._row, self._at = self.progress[0], self.course[0]
+        self._begin, self._course = np.zeros(1, PROGRESS), np.zeros(1, COURSE)
+        begin = self._begin[0]
+        begin["budget"], begin["growth"], begin["known_until"] = WORK, 1.0, math.inf
+        begin["released"], begin["scale"] = -1, structure.scale
+        self._course[0]["columns"] = columns
         stops = len(structure.rows)
-        rows = _PHASES + stops if at["wanted"] else 0
-        self._phases = np.zeros(rows, PHASE), np.full((MARKS, stops), NONE)
-        self._pairs = self._watched = 0
+        self._marks, self._none = np.full((MARKS, stops), NONE), np.zeros(0, PHASE)
+        self._phases = np.zeros(_PHASES + stops, PHASE)
+        self._working = False
 
     @property
     def contacts(self) -> Rows:
         """The contact phases, of `contact_phases.PHASE`."""
-        return self._phases[0][: self.course[0]["phases"]]
+        return self._phases[: self._at["phases"]]
 
-    def follow(self, initial: State, tick: Tick | None = None) -> None:
-        """Follow the motion from an initial state to its end.
+    def follow(
+        self, problem: Problem, initial: State, samples: Samples, tick: Tick | None = None
+    ) -> None:
+        """Follow a motion from an initial state to its end.
+
+        Parameters
+        ----------
+        problem : Problem
+        initial : State
+        samples : Samples
+            What becomes of the states at the output times.
+        tick : callable, optional
 
         Raises
         ------
         ConvergenceError
             Where stops keep switching, or more often than any plan expects.
         """
-        self._begin(initial)
-        ramps, now, at = self._structure.structure.ramps, self.progress[0], self.course[0]
+        self._start(problem, initial)
+        self._samples = samples
+        now, at, ramps = self._row, self._at, self._structure.structure.ramps
         segment = self._begin_segment(ramps.segment(0.0)) if ramps.count else -1
         at["last"] = now["end"] >= self._end
+        times = problem.history_times * self._structure.scale
+        motion = self.progress, self.course, _NO_IMPACTS, times
         while True:
-            motion = self._Z, self.progress, self.course, _NO_IMPACTS, self._times
-            stop = follow(self._table.arrays, motion, self._work, self._taken, self._phases)
+            phases = self._phases if at["wanted"] else self._none, self._marks
+            work = self._Z, *self._work
+            stop = follow(self._table.arrays, motion, work, self._taken, phases)
             self._flush()
             if tick is not None:
                 tick(int(1e3 * float(now["time"]) / self._end), 1000)
             look()
-            if stop == Stop.SCENE:
+            if stop == _SCENE:
                 self._prepare()
-            elif stop == Stop.PHASES:
-                self._extend()
-            elif stop == Stop.END:
+            elif stop == _FULL:
+                hold(self._phases.nbytes)
+                self._phases = np.concatenate([self._phases, np.zeros_like(self._phases)])
+            elif stop == _ENDED:
                 if at["last"]:
                     break
                 segment = self._begin_segment(segment + 1)
                 at["last"] = now["end"] >= self._end
-            elif stop in {Stop.STILL, Stop.MANY}:
+            elif stop in _REFUSED:
                 self._refuse(stop)
         if tick is not None:
             tick(1000, 1000)
 
-    def _begin(self, initial: State) -> None:
+    def _start(self, problem: Problem, initial: State) -> None:
         """Set the state, and the magnitudes of what it is the sum of."""
-        structure = self._structure
+        structure, now, at = self._structure, self._row, self._at
+        self._table, self._working = structure.table, False
+        self.progress[:], self.course[:], self._marks[:] = self._begin, self._course, NONE
+        self._end = problem.t_end * structure.scale
+        now["end"], now["tolerance"] = self._end, tolerance_of(problem)
+        at["wanted"] = "contacts" in problem.outputs
         y, rate = structure.structure.W @ initial.x, structure.structure.W @ initial.v
-        self.course[0]["scene"] = self._table.place(structure.initial_states(y, rate))
+        at["scene"] = self._table.place(structure.initial_states(y, rate))
         self._make_room()
         scene = self._scene
         basis, modes = scene.basis, scene.basis.modes
-        moves = initial.x - modes.base, initial.v / structure.scale
-        q, speed = np.stack(moves) @ modes.weighted
-        state = basis.pairs_of(q - basis.still, speed, basis.loads_at_start())
+        q = (initial.x - modes.base) @ modes.weighted - basis.still
+        speed = (initial.v / structure.scale) @ modes.weighted
+        state = basis.pairs_of(q, speed, basis.loads_at_start())
         self._Z[: state.size] = state.ravel()
-        now = self.progress[0]
         now["unresolved"], now["longest"] = modes.neglected / EPS, basis.longest
         if self._columns:
             terms = (np.abs(initial.x) + np.abs(modes.base)) @ np.abs(modes.weighted)
             size = scene.placed.sizes_of(terms + scene.placed.terms)
             *_, kept = self._work
             kept[: size.size] = size
+            self._Z[state.size : (1 + self._columns) * state.size] = 0.0
+        self._working = True
 
     @property
     def _scene(self) -> Scene:
-        return self._table.scenes[self.course[0]["scene"]]
+        return self._table.scenes[self._at["scene"]]
 
     def _make_room(self) -> None:
         """Make room for the largest scene; the state and the stage of the loop are kept."""
@@ -133,35 +154,29 @@ class StoppedMotion:
         room, marks, struck, piece = workspace(pairs, watched, table.most_modes, 0)
         size = 2 * pairs
         Z, kept = np.zeros((1 + self._columns) * size), np.zeros(_KEPT * size)
-        if self.course[0]["switches"] or self.progress[0]["begun"]:
+        if self._working:
             *_, former, _, last = self._work
             piece = former
             Z[: self._Z.size], kept[: last.size] = self._Z, last
         self._Z = Z
         spare = np.zeros(spare_size(self._columns, pairs))
         self._work = room, marks.ravel(), struck, piece, spare, kept
-        rows = min(max(_ROWS, _NUMBERS // size), self._times.size)
+        rows = min(max(_ROWS, _NUMBERS // size), self._rows)
         states = np.empty((rows, size)), np.empty((rows, size))
         self._taken: tuple[Any, ...] = *states, np.zeros(rows, np.int64)
 
     def _prepare(self) -> None:
         """Prepare the scene that the motion goes on in."""
-        at, table = self.course[0], self._structure.table
+        at, table = self._at, self._structure.table
         if table is not self._table:
             at["scene"] = table.place(self._scene.states)
             self._table = table
         table.prepare(int(at["scene"]), int(at["a"]), int(at["new"]))
         self._make_room()
 
-    def _extend(self) -> None:
-        """Make room for as many contact phases again."""
-        rows, marks = self._phases
-        hold(rows.nbytes)
-        self._phases = np.concatenate([rows, np.zeros_like(rows)]), marks
-
     def _begin_segment(self, segment: int) -> int:
         """Let loads vary as they do between two samples."""
-        ramps, structure, now = self._structure.structure.ramps, self._structure, self.progress[0]
+        ramps, structure, now = self._structure.structure.ramps, self._structure, self._row
         basis = self._scene.basis
         states = self._Z[: (1 + self._columns) * 2 * basis.pairs].reshape(-1, 2, basis.pairs)
         time = float(now["time"] + now["time_rest"])
@@ -174,25 +189,28 @@ class StoppedMotion:
 
     def _flush(self) -> None:
         """Hand on the samples that were taken."""
-        now = self.progress[0]
-        first, last = int(now["written"]), int(now["samples"])
-        if last == first:
+        first, last = int(self._row["written"]), int(self._row["samples"])
+        count = last - first
+        if count == 0:
             return
-        states, spreads, places = (part[: last - first] for part in self._taken)
-        for place in np.unique(places):
-            scene, rows = self._table.scenes[place], np.flatnonzero(places == place)
-            shape = rows.size, 2, scene.basis.pairs
+        states, spreads, places = self._taken
+        places = places[:count]
+        each = set(places.tolist())
+        for place in each:
+            # Of several scenes, the samples are picked out.
+            rows = (places == place).nonzero()[0] if len(each) > 1 else slice(count)
+            scene = self._table.scenes[place]
             size = 2 * scene.basis.pairs
-            given: list[Floats] = [part[rows, :size].reshape(shape) for part in (states, spreads)]
-            self._samples.take(scene, first + rows, *given)
-        now["written"] = last
+            at = first + rows if len(each) > 1 else slice(first, last)
+            self._samples.take(scene, at, states[rows, :size], spreads[rows, :size])
+        self._row["written"] = last
 
     def _refuse(self, stop: int) -> None:
         """Refuse a motion that does not get on, or switches more often than any plan expects."""
-        now = self.progress[0]
+        now = self._row
         time = float(now["time"] + now["time_rest"]) / self._structure.scale
-        if stop == Stop.STILL:
+        if stop == _STUCK:
             raise ConvergenceError(f"stops keep switching at t = {time!r}, which rounding decides")
-        count = int(self.course[0]["switches"])
+        count = int(self._at["switches"])
         message = f"{count} switchings of stops until t = {time!r} are too many"
         raise ConvergenceError(f"{message}: ask for a motion that ends before")

@@ -37,6 +37,8 @@ from vibroimpact_solvers.time_history.stops.scenes import Passage, Scene, States
 
 ROOM: Final = 2**28
 """Bytes from which on a structure begins another table."""
+_SLIGHTEST: Final = 1e-25
+"""Growth by which a mode gains no rounding in 1e9 units of time: damping that is a rounding."""
 _NUMBERS: Final = 2**13
 _ROWS: Final = 8
 
@@ -149,6 +151,7 @@ class SceneTable:
         row["table"], row["rows"] = self._append("numbers", table.ravel()), len(table)
         row["pairs"], row["modes"] = basis.pairs, basis.modes.roots.size
         row["rotations"], row["hyperbolas_end"], row["damped"], row["growth"] = kinds
+        row["growth"] *= row["growth"] > _SLIGHTEST
         row["columns"], row["carrying"], row["still"], row["drift"] = sizes
         row["longest"] = basis.longest
         row["loads"], row["load_count"] = self._append("integers", loads), loads.size

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from vibroimpact_solvers.arrays import Floats
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.stopped_scenes import LOADED
 from vibroimpact_solvers.time_history.basis import Basis
@@ -12,6 +14,24 @@ from vibroimpact_solvers.time_history.stops.modes import Placed
 
 States = tuple[int, ...]
 """States of all stops: `OPEN`, or `LOADED` or `RELEASED` times the side."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class HistoryForms:
+    """What makes displacements, and then velocities, of some degrees of freedom of states.
+
+    Parameters
+    ----------
+    values, sizes : array, shape (2 dof, 2 pair)
+        The forms, and their magnitudes.
+    offset, terms : array, shape (2 dof,)
+        What is added to them, and the magnitudes of what it is the sum of.
+    """
+
+    values: Floats
+    sizes: Floats
+    offset: Floats
+    terms: Floats
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -32,6 +52,23 @@ class Scene:
     placed: Placed
     forces: tuple[int, ...]
     kernel: rigid_state.Structure
+    _history: list[tuple[bytes, HistoryForms]] = field(default_factory=list, repr=False)
+
+    def history_forms(self, dofs: Integers, scale: float) -> HistoryForms:
+        """Return what makes displacements and velocities of states; the last ones are kept."""
+        key, known = dofs.tobytes(), self._history[:]  # threads may replace it
+        if known and known[0][0] == key:
+            return known[0][1]
+        modes, basis = self.basis.modes, self.basis
+        shapes, base = modes.shapes[dofs], modes.base[dofs]
+        given = basis.displacement(shapes), scale * basis.velocity(shapes)
+        values = np.concatenate(given).reshape(2 * dofs.size, -1)
+        offset, terms = np.zeros(2 * dofs.size), np.zeros(2 * dofs.size)
+        offset[: dofs.size] = shapes @ basis.still + base
+        terms[: dofs.size] = np.abs(shapes) @ self.placed.terms + np.abs(base)
+        forms = HistoryForms(values, np.abs(values), offset, terms)
+        self._history[:] = [(key, forms)]
+        return forms
 
     def force_place(self, constraint: int) -> int:
         """Return where the force of a stop that is not open is watched."""
