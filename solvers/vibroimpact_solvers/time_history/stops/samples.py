@@ -103,9 +103,7 @@ class Samples:
                 beyond[:, a] = side * (moved[:, a] + placed.levels[a]) - structure.wall(a, side)
         return beyond
 
-    def _take_energies(
-        self, scene: Scene, rows: Any, states: Floats, flat: Floats | None
-    ) -> None:
+    def _take_energies(self, scene: Scene, rows: Any, states: Floats, flat: Floats | None) -> None:
         """Take the energies of the structure, of its constant load and of indented stops."""
         structure, basis, placed = self._structure, scene.basis, scene.placed
         free = structure.structure.configuration().basis.modes
@@ -133,9 +131,7 @@ class Samples:
         terms = kinetic + np.abs(u * (0.5 * stiffness * u - free.load)).sum(axis=1)
         self.values["error_energy"][rows] = error + _ROUNDED * EPS * terms + LEAST
 
-    def _take_forces(
-        self, scene: Scene, rows: Any, states: Floats, sizes: Floats | None
-    ) -> None:
+    def _take_forces(self, scene: Scene, rows: Any, states: Floats, sizes: Floats | None) -> None:
         """Take the forces of stops, zero of those that are not loaded."""
         force = np.zeros((len(states), len(scene.states)))
         error = np.zeros_like(force)
