@@ -204,7 +204,7 @@ def _switchings() -> Watched:
     from vibroimpact_solvers.model import Constraint
     from vibroimpact_solvers.time_history.stops import motion
 
-    stops = [Constraint.at(dof, 0.2, law=Linear(100.0, 0.3)) for dof in (4, 8)]
+    stops = [Constraint((dof,), (1.0,), 0.2, 0.2, law=Linear(100.0, 0.3)) for dof in (4, 8)]
     v, outputs = np.random.default_rng(3).standard_normal(13), frozenset({"x", "contacts"})
     work = _motion(presets.chain(13, stops), v, 20.0, t=np.linspace(2.0, 20.0, 10), outputs=outputs)
     work()

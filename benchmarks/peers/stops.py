@@ -62,11 +62,11 @@ class _Side:
 def cases() -> Iterator[Case]:
     """Yield motions that double precision can tell to their ends."""
     for damping in (0.0, 0.4):
-        stop = Constraint.at(0, 0.5, law=Linear(400.0, damping))
+        stop = Constraint((0,), (1.0,), 0.5, 0.5, law=Linear(400.0, damping))
         title = f"one mass, two stops, k = 400, c = {damping:g}"
         yield Case(title, presets.oscillator([stop], 1.0), np.array([0.0, 5.0]), 60.0)
     for n, dofs, t_end in ((13, (5,), 30.0), (13, (4, 8), 20.0), (50, (20,), 20.0)):
-        stops = [Constraint.at(dof, 0.2, law=Linear(100.0, 0.3)) for dof in dofs]
+        stops = [Constraint((dof,), (1.0,), 0.2, 0.2, law=Linear(100.0, 0.3)) for dof in dofs]
         v = np.random.default_rng(3).standard_normal(n)
         title = f"chain N={n}, {2 * len(dofs)} stops, k = 100, c = 0.3"
         yield Case(title, presets.chain(n, stops), np.append(np.zeros(n), v), t_end)

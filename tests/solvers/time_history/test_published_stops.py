@@ -1,8 +1,7 @@
 """Motions with elastic stops that others have published or that have closed forms.
 
 Sources: the validation manual of code_aster, V5.01.101 (SDND101), V5.01.102 (SDND102), V5.01.108
-and
-V5.01.122, with their data, and closed forms that follow from them by hand; S. W. Shaw and P. J.
+and V5.01.122, with their data, and closed forms that follow from them by hand; S. W. Shaw and P. J.
 Holmes, "A periodically forced piecewise linear oscillator", Journal of Sound and Vibration 90
 (1983), whose motions are made of two linear ones.
 """

@@ -18,13 +18,16 @@ from vibroimpact_solvers.time_history.problem import Problem, State, tolerance_o
 from vibroimpact_solvers.time_history.run import WORK, Tick
 from vibroimpact_solvers.time_history.stops.configurations import StoppedStructure
 from vibroimpact_solvers.time_history.stops.samples import Samples
+from vibroimpact_solvers.time_history.stops.scene_table import SceneTable
 from vibroimpact_solvers.time_history.stops.scenes import Scene
 
-_NUMBERS: Final = 2**16  # of samples that are taken at once, or
+_NUMBERS: Final = 2**14  # modal coordinates of samples that are taken at once, or
 _ROWS: Final = 16  # so many samples, however many pairs there are
 _PHASES: Final = 64  # rows of the first table of contacts
 _KEPT: Final = 4  # states besides that of the motion
-_ENDED, _SCENE, _FULL, _STUCK = map(int, (Stop.END, Stop.SCENE, Stop.PHASES, Stop.STILL))
+_ENDED, _FETCH, _SCENE, _FULL, _STUCK = map(
+    int, (Stop.END, Stop.SAMPLES, Stop.SCENE, Stop.PHASES, Stop.STILL)
+)
 _REFUSED: Final = (_STUCK, int(Stop.MANY))
 _NO_IMPACTS: Final = np.empty(0, IMPACT)
 
@@ -95,17 +98,19 @@ class StoppedMotion:
             phases = self._phases if at["wanted"] else self._none, self._marks
             work = self._Z, *self._work
             stop = follow(self._table.arrays, motion, work, self._taken, phases)
-            self._flush()
             if tick is not None:
                 tick(int(1e3 * float(now["time"]) / self._end), 1000)
             look()
-            if stop == _SCENE:
+            if stop == _FETCH:
+                self._flush()
+            elif stop == _SCENE:
                 self._prepare()
             elif stop == _FULL:
                 hold(self._phases.nbytes)
                 self._phases = np.concatenate([self._phases, np.zeros_like(self._phases)])
             elif stop == _ENDED:
                 if at["last"]:
+                    self._flush()
                     break
                 segment = self._begin_segment(segment + 1)
                 at["last"] = now["end"] >= self._end
@@ -161,18 +166,33 @@ class StoppedMotion:
         self._Z = Z
         spare = np.zeros(spare_size(self._columns, pairs))
         self._work = room, marks.ravel(), struck, piece, spare, kept
-        rows = min(max(_ROWS, _NUMBERS // size), self._rows)
-        states = np.empty((rows, size)), np.empty((rows, size))
-        self._taken: tuple[Any, ...] = *states, np.zeros(rows, np.int64)
+        # Products of many states are rounded otherwise than those of few: how many are taken
+        # together goes by the structure alone.
+        rows = min(max(_ROWS, _NUMBERS // len(self._structure.eigenvalues)), self._rows)
+        states, spreads = np.empty((rows, size)), np.empty((rows, size))
+        places = np.zeros(rows, np.int64)
+        if self._working:
+            former, more, at = self._taken
+            states[:, : former.shape[1]], spreads[:, : former.shape[1]] = former, more
+            places[:] = at
+        self._taken: tuple[Any, ...] = states, spreads, places
 
     def _prepare(self) -> None:
         """Prepare the scene that the motion goes on in."""
         at, table = self._at, self._structure.table
         if table is not self._table:
-            at["scene"] = table.place(self._scene.states)
-            self._table = table
+            self._go_on_in(table)
         table.prepare(int(at["scene"]), int(at["a"]), int(at["new"]))
         self._make_room()
+
+    def _go_on_in(self, table: SceneTable) -> None:
+        """Go on with another table: scenes that are still needed are prepared there."""
+        former, (_, _, places) = self._table, self._taken
+        at = self._at
+        at["scene"] = table.place(former.scenes[at["scene"]].states)
+        waiting = places[: int(self._row["samples"]) - int(self._row["written"])]
+        waiting[:] = [table.place(former.scenes[place].states) for place in waiting.tolist()]
+        self._table = table
 
     def _begin_segment(self, segment: int) -> int:
         """Let loads vary as they do between two samples."""
