@@ -120,14 +120,16 @@ def _rows(case: Case) -> Iterator[tuple[Any, ...]]:
         _CONTACTS: partial(whole, "contacts"),
     }
     others: dict[str, Run] = {"heyoka": of_heyoka(case), "DOP853": of_scipy(case)}
-    timings = measure(5, **ways, **others)
+    both: dict[str, Any] = {**ways, **others}
+    timings = measure(5, **both)
     result = whole("contacts")
     assert result.x is not None
     assert result.v is not None
     assert result.contact_start is not None
     ours = np.append(result.x[-1], result.v[-1])
     size = float(np.abs(ours).max())
-    stated = max(float(np.max(result.error_x[-1])), float(np.max(result.error_v[-1]))) / size
+    errors = np.asarray(result.error_x)[-1], np.asarray(result.error_v)[-1]
+    stated = max(float(each.max()) for each in errors) / size
     for name, run in others.items():
         apart = float(np.abs(run()[-1] - ours).max()) / size
         for way in ways:

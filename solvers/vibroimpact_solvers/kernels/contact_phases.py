@@ -9,7 +9,7 @@ it is left or loaded again.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from vibroimpact_solvers.kernels.flow import (
     product,
 )
 from vibroimpact_solvers.kernels.jit import inline, inner, record
-from vibroimpact_solvers.kernels.rigid_state import Rows, Scratch, Structure
+from vibroimpact_solvers.kernels.rigid_state import Scratch, Structure
 from vibroimpact_solvers.kernels.stopped_scenes import (
     LOADED,
     RELEASED,
@@ -74,7 +74,7 @@ back without the structure; `NONE` where there is none."""
 class Phases(NamedTuple):
     """The table of contact phases."""
 
-    rows: Rows  # of `PHASE`; none: they are not asked for
+    rows: Any  # of `PHASE`; none: they are not asked for
     marks: Integers  # (MARKS, stop)
 
 

@@ -8,7 +8,7 @@ times c is the loss in the dashpot.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.contact_phases import LASTING, NONE, Phases, error_of
@@ -25,7 +25,7 @@ from vibroimpact_solvers.kernels.flow import (
 )
 from vibroimpact_solvers.kernels.jit import inline, inner, never_inlined, once
 from vibroimpact_solvers.kernels.passages import ORDER, horizon, remainder
-from vibroimpact_solvers.kernels.rigid_state import Rows, Scratch, Structure
+from vibroimpact_solvers.kernels.rigid_state import Scratch, Structure
 from vibroimpact_solvers.kernels.stopped_scenes import Scenes
 
 _ROUNDED = 8.0  # roundings of sums over a contact
@@ -85,7 +85,7 @@ def _square(c: Floats, r: float) -> float:
 
 
 @inline
-def _add_step(contact: Rows, c: Floats, law: tuple[float, float], r: float, scale: float) -> None:
+def _add_step(contact: Any, c: Floats, law: tuple[float, float], r: float, scale: float) -> None:
     """Add a polynomial of the indentation over [-r, r] to a phase; damping by the basis' time."""
     stiffness, damping = law
     contact.indentation = max(contact.indentation, _largest(c, ORDER - 1, r))
@@ -114,7 +114,7 @@ class Passed(NamedTuple):
 
 @once
 def _follow_indentation(
-    prepared: Scenes, structure: Structure, place: int, contact: Rows, scratch: Scratch,
+    prepared: Scenes, structure: Structure, place: int, contact: Any, scratch: Scratch,
     passed: Passed, given: tuple[float, float, float, int],
 ) -> float:  # fmt: skip
     """Follow an indentation from a time of the free motion on; return the time that is reached.
@@ -166,7 +166,7 @@ def _follow_indentation(
 
 @inline
 def _add_errors(
-    prepared: Scenes, structure: Structure, place: int, contact: Rows, passed: Passed, span: float
+    prepared: Scenes, structure: Structure, place: int, contact: Any, passed: Passed, span: float
 ) -> None:
     """Add what a phase loses in a free motion that is summed up, and the errors of its sums."""
     a, scale = contact.constraint, prepared.scale

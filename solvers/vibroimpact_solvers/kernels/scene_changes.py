@@ -8,7 +8,7 @@ dashpot the force jumps when the wall is reached, and deviations carry over by
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from vibroimpact_solvers.kernels.deviations import EPS
 from vibroimpact_solvers.kernels.flow import Z1, Z2, magnitude, product
 from vibroimpact_solvers.kernels.jit import inline, inner, never_inlined, once, record
 from vibroimpact_solvers.kernels.next_impact import SIMULTANEOUS
-from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows, Structure
+from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Structure
 from vibroimpact_solvers.kernels.stopped_scenes import (
     LOADED,
     OPEN,
@@ -159,7 +159,7 @@ def _mix(shares: Floats, z: Floats, fixed: Floats) -> None:
 
 @once
 def carry_over(
-    prepared: Scenes, structure: Structure, motion: Motion, at: Rows, to: int, passage: int,
+    prepared: Scenes, structure: Structure, motion: Motion, at: Any, to: int, passage: int,
     Z: Floats, spare: Floats,
 ) -> None:  # fmt: skip
     """Let a motion go on in another scene; `add_deviations` concludes it there.
@@ -275,7 +275,7 @@ def add_deviations(
 
 
 @once
-def watch(prepared: Scenes, structure: Structure, motion: Motion, at: Rows) -> None:
+def watch(prepared: Scenes, structure: Structure, motion: Motion, at: Any) -> None:
     """Watch the form that was zero: give it some room where it does not clearly move away.
 
     Otherwise the motion would not get on (`next_impact`).

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,6 @@ from vibroimpact_solvers.kernels.rigid_state import (
     SAMPLING,
     SEARCHING,
     Motion,
-    Rows,
     Scratch,
     Structure,
 )
@@ -218,7 +217,7 @@ def _keep(motion: Motion, flow_rotations: int, passed: Passed, ends: bool) -> No
 
 @once
 def free_motion(
-    structure: Structure, motion: Motion, scratch: Scratch, taken: Taken, passed: Passed, at: Rows
+    structure: Structure, motion: Motion, scratch: Scratch, taken: Taken, passed: Passed, at: Any
 ) -> int:
     """Follow the motion in one scene until a form is zero, or to its end; return why that paused.
 

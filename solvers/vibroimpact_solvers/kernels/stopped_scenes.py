@@ -94,11 +94,11 @@ class Scenes(NamedTuple):
 
     numbers: Floats
     integers: Integers
-    scenes: Rows  # (scene,), of `SCENE`
-    stops: Rows  # (scene, stop), of `STOP`
-    laws: Rows  # (stop,), of `LAW`
-    changes: Rows  # (scene, stop, `STATES`), of `CHANGE`
-    passages: Rows  # (passage,), of `PASSAGE`
+    scenes: Any  # (scene,), of `SCENE`
+    stops: Any  # (scene, stop), of `STOP`
+    laws: Any  # (stop,), of `LAW`
+    changes: Any  # (scene, stop, `STATES`), of `CHANGE`
+    passages: Any  # (passage,), of `PASSAGE`
     walls: Rows  # of `rigid_state.WALL`
     drives: Rows  # of `flow.DRIVE`
     scale: float  # times of the basis over those of x
@@ -130,7 +130,7 @@ def scratch_for(given: Any, watched: int, pairs: int, modes: int) -> Scratch:
 
 
 @inline
-def wall_of(laws: Rows, stop: int, side: int) -> float:
+def wall_of(laws: Any, stop: int, side: int) -> float:
     """Return the distance of a wall from the zero of its coordinate."""
     return float(laws[stop].upper if side > 0 else laws[stop].lower)
 

@@ -73,7 +73,7 @@ class Work(NamedTuple):
 
 @once
 def _prepare_switch(
-    prepared: Scenes, structure: Structure, motion: Motion, scratch: Scratch, at: Rows
+    prepared: Scenes, structure: Structure, motion: Motion, scratch: Scratch, at: Any
 ) -> int:
     """Tell which stop switches to what; return why that has to wait."""
     stops, who = prepared.stops, scratch.piece[0].who
@@ -90,7 +90,7 @@ def _prepare_switch(
 @once
 def _account(
     prepared: Scenes, structure: Structure, motion: Motion, scratch: Scratch, phases: Phases,
-    spread: Floats, at: Rows,
+    spread: Floats, at: Any,
 ) -> None:  # fmt: skip
     """Enter a switching into the table of contacts."""
     now = motion.progress[0]
@@ -104,7 +104,7 @@ def _account(
 
 
 @once
-def _enter(prepared: Scenes, structure: Structure, motion: Motion, at: Rows, spare: Floats) -> None:
+def _enter(prepared: Scenes, structure: Structure, motion: Motion, at: Any, spare: Floats) -> None:
     """Conclude a switching in its new scene."""
     deviations, errors = motion.deviations, structure.errors
     at.entered = 0
@@ -119,7 +119,7 @@ def _enter(prepared: Scenes, structure: Structure, motion: Motion, at: Rows, spa
 
 @inner
 def _advance(
-    prepared: Scenes, given: Motion, course: Rows, work: Work, taken: Taken, phases: Phases
+    prepared: Scenes, given: Motion, course: Any, work: Work, taken: Taken, phases: Phases
 ) -> int:
     """Go on in a scene until a stop has switched; return why that was not reached.
 

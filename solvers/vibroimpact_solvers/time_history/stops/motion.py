@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.contact_phases import MARKS, NONE, PHASE
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
@@ -63,6 +63,9 @@ class StoppedMotion:
         self._marks, self._none = np.full((MARKS, stops), NONE), np.zeros(0, PHASE)
         self._phases = np.zeros(_PHASES + stops, PHASE)
         self._working = False
+        self._Z: Floats = np.zeros(0)
+        self._work: tuple[Any, ...] = ()
+        self._taken: tuple[Any, ...] = ()
 
     @property
     def contacts(self) -> Rows:
@@ -147,7 +150,7 @@ class StoppedMotion:
 
     @property
     def _scene(self) -> Scene:
-        return self._table.scenes[self._at["scene"]]
+        return self._table.scenes[int(self._at["scene"])]
 
     def _make_room(self) -> None:
         """Make room for the largest scene; the state and the stage of the loop are kept."""
@@ -175,7 +178,7 @@ class StoppedMotion:
             former, more, at = self._taken
             states[:, : former.shape[1]], spreads[:, : former.shape[1]] = former, more
             places[:] = at
-        self._taken: tuple[Any, ...] = states, spreads, places
+        self._taken = states, spreads, places
 
     def _prepare(self) -> None:
         """Prepare the scene that the motion goes on in."""
@@ -218,7 +221,7 @@ class StoppedMotion:
         each = set(places.tolist())
         for place in each:
             # Of several scenes, the samples are picked out.
-            rows = (places == place).nonzero()[0] if len(each) > 1 else slice(count)
+            rows: Any = (places == place).nonzero()[0] if len(each) > 1 else slice(count)
             scene = self._table.scenes[place]
             size = 2 * scene.basis.pairs
             at = first + rows if len(each) > 1 else slice(first, last)

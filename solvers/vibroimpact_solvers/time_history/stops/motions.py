@@ -50,9 +50,10 @@ class StoppedMotions:
         if len(free) > _SIZES:
             free.clear()
         try:
-            return free.setdefault(self._size, []).pop()
+            known: StoppedMotion = free.setdefault(self._size, []).pop()
         except IndexError:
             return StoppedMotion(self._structure, *self._size)
+        return known
 
     def solve(self, initial: State, tick: Tick | None = None) -> Result:
         """Compute a motion.
