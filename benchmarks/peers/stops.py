@@ -231,7 +231,7 @@ def of_scipy(case: Case) -> Run:
                 rate, (t, case.t_end), y, method="DOP853", rtol=_OF_SCIPY, atol=1e-2 * _OF_SCIPY,
                 events=events, t_eval=grid[grid > t],
             )  # fmt: skip
-            states = np.concatenate([states, solution.y.T])
+            states = np.concatenate([states, np.reshape(solution.y, (2 * n, -1)).T])
             if solution.status != 1:
                 break
             which = next(i for i, times in enumerate(solution.t_events) if times.size)
