@@ -77,6 +77,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         (
             "peers.ahead.ahead",
             "peers.outputs.outputs",
+            "peers.stops.stops",
             "peers.ahead.rest",
             "error_against_time.impact_modes.against_numpy",
         ),

@@ -16,12 +16,11 @@ from vibroimpact_solvers.kernels import cache
 
 SECONDS: Final = {
     "rigid_motion.follow": 50.0,
-    "switchings.follow_until_switch": 17.0,
+    "switchings.follow": 50.0,
     "families.solutions": 14.0,
     "taylor.follow": 9.0,
     "orbit_sums.integrate": 6.0,
     "bands.survey": 5.0,
-    "switchings.contact_sums": 5.0,
     "impact_equations.set_equations": 4.9,
     "floquet.zeros": 3.9,
     "path_check.check": 2.9,

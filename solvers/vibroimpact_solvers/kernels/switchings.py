@@ -1,333 +1,214 @@
-"""Linear motion of a structure until a stop of finite stiffness switches, and what contacts sum up.
+"""Motion of a structure with stops of finite stiffness, from switching to switching.
 
-The motion is exact (`kernels.flow`), and the first zero of the watched forms, coordinates at walls
-and forces of stops, is found with proof that none comes before (`kernels.next_impact`). Sampled
-deviations keep account of rounding (`kernels.deviations`).
-
-Over a contact the indentation is followed by its Taylor polynomials, whose remainder is bounded:
-they give the deepest indentation, the largest force, and the integral of the squared rate.
+While no stop changes its state the motion is that of one scene (`kernels.scene_motion`); then it
+goes on in another one (`kernels.stopped_scenes`, `kernels.scene_changes`), and contacts are summed
+up on the way (`kernels.contact_phases`). One compiled loop does this. It returns to Python for a
+scene that is not prepared, for room in its tables, and after a piece of work that is counted, so
+that a stop signal is seen; the motion is the same to the last bit, whatever the pieces.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Any, Final
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.deviations import (
-    EPS,
-    add_rounding,
-    estimated_error,
-    lose,
-    lose_on_the_way,
-    note_size_from_rest,
-    note_what_decays,
-    random_row,
-    set_sizes,
-    start_deviations,
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.contact_phases import (
+    Phases,
+    account,
+    begin_all,
+    end_all,
+    set_spread_of,
 )
-from vibroimpact_solvers.kernels.flow import (
-    Z1,
-    Z2,
-    advance,
-    bound,
-    derivatives,
-    grows,
-    propagate,
-    propagate_state,
-    set_lengths,
-    set_propagator,
-    two_sum,
+from vibroimpact_solvers.kernels.contact_sums import Passed, sum_up
+from vibroimpact_solvers.kernels.jit import bare, inner, never_inlined, once
+from vibroimpact_solvers.kernels.next_impact import AT_END
+from vibroimpact_solvers.kernels.rigid_state import ANEW, Motion, Rows, Scratch, Structure
+from vibroimpact_solvers.kernels.scene_changes import (
+    add_deviations,
+    carry_over,
+    lose_loads,
+    next_state,
+    time_error,
+    watch,
 )
-from vibroimpact_solvers.kernels.jit import bare, inner, once
-from vibroimpact_solvers.kernels.next_impact import (
-    AT_END,
-    PAUSED,
-    find_reach,
-    next_event,
+from vibroimpact_solvers.kernels.scene_motion import (
+    GOES_ON,
+    SUMMING,
+    SWITCHING,
+    Stop,
+    Taken,
+    begin,
+    free_motion,
+    set_costs,
 )
-from vibroimpact_solvers.kernels.passages import ORDER, horizon, remainder
-from vibroimpact_solvers.kernels.rigid_state import (
-    ANEW,
-    NOT_GRAZING,
-    SAMPLING,
-    SEARCHING,
-    Motion,
-    Scratch,
-    Structure,
-    scratch_of,
-    structure_of,
+from vibroimpact_solvers.kernels.stopped_scenes import (
+    LOADED,
+    NOT_PREPARED,
+    RELEASED,
+    Scenes,
+    scene_of,
+    scratch_for,
 )
 
-END: Final = 0
-SWITCH: Final = 1
-PAUSE: Final = 2
-SAMPLES: Final = 3
-STILL: Final = 4
-"""Why the loop returned: at the end; a watched form is zero; the work agreed on is done; as many
-samples are taken as there is room for; the search did not get on."""
+__all__ = ["Stop", "follow"]
 
-_DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
-_PROPAGATED = 4.0  # roundings of a sample
-_FINE = 2.0**-54  # remainder of a polynomial of the indentation, relative to its largest value
-_WORK = 5_000_000  # of a call, in nanoseconds of a usual processor, as it is counted
-_NODES = 8  # parts of a step at whose ends a maximum is looked for
-_NEWTON = 8  # steps towards it
-DEEPEST: Final = 0
-STRONGEST: Final = 1
-SQUARE: Final = 2
-IMPULSE: Final = 3
-LEFT_OUT: Final = 4
-RATE_LEFT_OUT: Final = 5
-"""Places of the sums over a contact, and of what polynomials leave out."""
+_SWITCHED = 200  # nanoseconds of a switching, beside its products
+_MOST_STILL = 200  # switchings at one instant, more of which are taken for rounding
+_MOST = 2_000_000  # switchings of a motion
+
+_END, _PAUSE, _SAMPLES, _SCENE, _PHASES, _STILL, _MANY = range(7)
+
+
+class Work(NamedTuple):
+    """What the loop keeps from call to call, with room for any scene."""
+
+    Z: Floats  # the state and its deviations, flat
+    room: Floats  # of `rigid_state.workspace`, the marks flat
+    marks: Integers
+    struck: Rows
+    piece: Rows
+    spare: Floats  # (`spare_size`,)
+    kept: Floats  # (8 pair,): four states; the magnitudes of the first state at the beginning
 
 
 @once
-def _take_samples(
-    structure: Structure, motion: Motion, scratch: Scratch, states: Floats, spreads: Floats,
-    until: float,
-) -> bool:  # fmt: skip
-    """Take samples of the state and of the sizes of its deviations; return whether these are all.
-
-    The deviations are those at the beginning of the motion, carried along, and its rounding.
-    """
-    flow, times, moved = structure.flow, motion.output_times, scratch.rate
-    now, piece = motion.progress[0], scratch.piece[0]
-    while now.samples < times.size and times[now.samples] <= until:
-        place = now.samples - now.written
-        if place >= states.shape[0]:
-            return False
-        piece.work += piece.sample
-        since, lost = two_sum(times[now.samples], -now.time)
-        lost -= now.time_rest
-        set_propagator(flow, since, lost, scratch.propagator)
-        z, spread = states[place], spreads[place]
-        propagate_state(flow, scratch.propagator, since + lost, motion.z, z)
-        drift = _PROPAGATED + abs(since) * structure.errors.drift
-        for j in range(z.shape[1]):
-            spread[Z1, j] = spread[Z2, j] = drift * (abs(z[Z1, j]) + abs(z[Z2, j]))
-        for c in range(motion.deviations.shape[0]):
-            propagate(flow, scratch.propagator, since + lost, motion.deviations[c], moved)
-            for j in range(z.shape[1]):
-                # Of a rotation both numbers are as large, a little earlier or later.
-                first, second = abs(moved[Z1, j]), abs(moved[Z2, j])
-                if j < flow.rotations:
-                    first = second = math.sqrt(first * first + second * second)
-                spread[Z1, j] = max(spread[Z1, j], first)
-                spread[Z2, j] = max(spread[Z2, j], second)
-        now.samples += 1
-    return True
+def _prepare_switch(
+    prepared: Scenes, structure: Structure, motion: Motion, scratch: Scratch, at: Any
+) -> int:
+    """Tell which stop switches to what; return why that has to wait."""
+    stops, who = prepared.stops, scratch.piece[0].who
+    count, forced = prepared.laws.size, who >= prepared.laws.size
+    a = who
+    for other in range(count if forced else 0):
+        a = other if stops[at.scene, other].force == who else a
+    at.a, at.code = a, stops[at.scene, a].state
+    at.new = next_state(prepared, structure, at.scene, a, forced, motion.z)
+    change = prepared.changes[at.scene, a, at.new + RELEASED]
+    return _SCENE if change.scene == NOT_PREPARED else GOES_ON
 
 
 @once
-def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: float) -> None:
-    """Advance the state, its deviations and the time to the end of a free motion."""
-    flow, z, deviations, moved = structure.flow, motion.z, motion.deviations, scratch.z
-    now, signs = motion.progress[0], structure.errors.signs
-    set_propagator(flow, s, ds, scratch.propagator)
-    for j in range(z.shape[1]):
-        scratch.rest[Z1, j] = scratch.rest[Z2, j] = 0.0
-    advance(flow, scratch.propagator, s + ds, z, scratch.rest, moved)
-    for c in range(deviations.shape[0]):
-        propagate(flow, scratch.propagator, s + ds, deviations[c], moved)
-        for j in range(z.shape[1]):
-            deviations[c, Z1, j], deviations[c, Z2, j] = moved[Z1, j], moved[Z2, j]
-    now.time, lost = two_sum(now.time, s)
-    now.time_rest += lost + ds
-    now.released = -1
-    now.impacts += 1
-    if deviations.shape[0] > 0:
-        set_sizes(flow, s, z, scratch.sizes)
-        row = random_row(now.impacts, signs.shape[0])
-        add_rounding(flow, motion, structure.errors, row, s, scratch.sizes)
-
-
-@inner
-def _note_on_the_way(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> None:
-    """Note what the end of a free motion does not show."""
+def _account(
+    prepared: Scenes, structure: Structure, motion: Motion, scratch: Scratch, phases: Phases,
+    spread: Floats, at: Any,
+) -> None:  # fmt: skip
+    """Enter a switching into the table of contacts."""
     now = motion.progress[0]
-    if motion.deviations.shape[0] == 0:
-        return
-    drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
-    if now.known_until == np.inf and (drifted or grows(structure.flow)):
-        lose_on_the_way(structure, motion, scratch, s)
-    if structure.flow.damped:
-        note_what_decays(structure, motion, scratch, s)
+    set_spread_of(motion.deviations, structure.flow.rotations, spread)
+    error = time_error(structure, scratch.piece[0].who, motion.z, spread, at.room)
+    given = at.a, at.code, at.new, now.time + now.time_rest, error, at.phases
+    account(prepared, structure, at.scene, phases, scratch, motion.z, spread, given)
+    at.lasting -= abs(at.code) == LOADED
+    at.lasting += abs(at.new) == LOADED
+    at.phases += abs(at.new) == LOADED
 
 
-@inner
-def _set_costs(structure: Structure, scratch: Scratch, columns: int) -> None:
-    """Begin a piece of work, and tell what its parts cost."""
-    flow, m, piece = structure.flow, structure.walls.size, scratch.piece[0]
-    pairs = flow.nu.size
-    coordinate = 8 * pairs + 100 * flow.drives.size
-    piece.work = 0
-    piece.expansion = m * (500 + 12 * pairs + coordinate) + 30 * pairs
-    piece.motion = 500 + m * (100 + coordinate) + (60 + 20 * columns) * pairs
-    piece.sample = 100 + (30 + 10 * columns) * pairs
-
-
-@bare
-def follow_until_switch(
-    structure: Any, motion: Any, work: Any, modes: int, states: Floats, spreads: Floats
-) -> tuple[int, int, int]:
-    """Follow a motion in one state of its stops until one of them switches.
-
-    Parameters
-    ----------
-    structure, motion, work : tuple
-        As of `rigid_motion.follow`.
-    modes : int
-        As of `rigid_state.scratch_of`.
-    states, spreads : array, shape (row, 2, pair)
-        Samples of the state, and the largest magnitudes of its deviations, from the sample after
-        those `written` on.
-
-    Returns
-    -------
-    stop : int
-        `END`, `SWITCH`, `PAUSE`, `SAMPLES` or `STILL`; after a pause and for more samples another
-        call goes on from there.
-    who : int
-        The watched form that is zero.
-    side : int
-        At which wall.
-    """
-    named = structure_of(structure)
-    z, deviations, progress, impacts, times = motion
-    current = Motion(z, deviations, progress, impacts, times)
-    scratch = scratch_of(work, z.shape[1], modes)
-    now, piece, errors = progress[0], scratch.piece[0], named.errors
-    _set_costs(named, scratch, deviations.shape[0])
-    if not now.begun:
-        start_deviations(named.flow, current, errors)
-        now.growth = max(now.growth, estimated_error(deviations, errors, progress))
-        now.begun = 1
-    if piece.stage != SAMPLING:
-        if piece.stage != SEARCHING:
-            for i in range(named.walls.size):
-                scratch.grazing[i] = NOT_GRAZING
-            find_reach(named, current, scratch)
-        s, ds, who, side = next_event(named, current, scratch)
-        if who == PAUSED:
-            piece.stage = SEARCHING
-            return PAUSE, who, side
-        piece.time, piece.time_rest, piece.who, piece.side = s, ds, who, side
-        if who == AT_END:
-            note_size_from_rest(named, current, scratch, s)
-    s, ds, who, side = piece.time, piece.time_rest, piece.who, piece.side
-    until = now.end if who == AT_END else (now.time + s) + (now.time_rest + ds)
-    if not _take_samples(named, current, scratch, states, spreads, until):
-        piece.stage = SAMPLING
-        return SAMPLES, who, side
-    piece.stage = ANEW
-    _note_on_the_way(named, current, scratch, s)
-    begun = now.time
-    _move(named, current, scratch, s, ds)
+@once
+def _enter(prepared: Scenes, structure: Structure, motion: Motion, at: Any, spare: Floats) -> None:
+    """Conclude a switching in its new scene."""
+    deviations, errors = motion.deviations, structure.errors
+    at.entered = 0
+    motion.progress[0].longest = prepared.scenes[at.scene].longest
     if deviations.shape[0] > 0:
-        error = estimated_error(deviations, errors, progress)
-        now.growth = max(now.growth, error)
-        lose(progress, error, begun)
-    if who == AT_END:
-        return END, who, side
-    return (SWITCH if who >= 0 else STILL), who, side
+        c, kick = prepared.laws[at.a].damping / prepared.scale, structure.watched.kick[at.a]
+        add_deviations(c, kick, errors.signs, motion.z, deviations, at.switches, spare)
+        if at.converted and errors.loads.size > 0:
+            lose_loads(errors, motion.z, deviations)
+    watch(prepared, structure, motion, at)
 
 
 @inner
-def _largest(c: Floats, order: int, h: float) -> float:
-    """Return the largest value in [0, h] of the polynomial ``sum c_n t^n`` of some degree."""
-    best, at = -np.inf, 0.0
-    for part in range(_NODES + 1):
-        t = h * part / _NODES
-        value = 0.0
-        for n in range(order, -1, -1):
-            value = value * t + c[n]
-        if value > best:
-            best, at = value, t
-    t = at
-    for _ in range(_NEWTON):
-        value, slope, bend = 0.0, 0.0, 0.0
-        for n in range(order, -1, -1):
-            bend = bend * t + 2.0 * slope
-            slope = slope * t + value
-            value = value * t + c[n]
-        best = max(best, value)
-        if bend >= 0.0:
-            break
-        t = min(max(t - slope / bend, 0.0), h)
-    return best
+def _advance(
+    prepared: Scenes, given: Motion, course: Any, work: Work, taken: Taken, phases: Phases
+) -> int:
+    """Go on in a scene until a stop has switched; return why that was not reached.
+
+    The structure, which is many arrays, has a name in here only: the compiler takes long for loops
+    over it, and each call that it is given to stores them all.
+    """
+    never_inlined()
+    Z, progress, at = work.Z, given.progress, course[0]
+    now, piece = progress[0], work.piece[0]
+    scene = prepared.scenes[at.scene]
+    pairs, size = scene.pairs, 2 * scene.pairs
+    structure = scene_of(prepared, at.scene)
+    own = work.room, work.marks, work.struck, work.piece
+    scratch = scratch_for(own, scene.watched, pairs, scene.modes)
+    z = Z[:size].reshape(2, pairs)
+    deviations = Z[size : (1 + at.columns) * size].reshape(at.columns, 2, pairs)
+    motion = Motion(z, deviations, progress, given.impacts, given.output_times)
+    kept = work.kept[: 4 * size].reshape(4, 2, pairs)
+    passed = Passed(kept[0], kept[1], kept[2], kept[3])
+    set_costs(structure, scratch, at.columns)
+    if not now.begun:
+        begin(structure, motion, passed.begin)
+        if at.wanted:
+            at.phases = at.lasting = begin_all(prepared, structure, at.scene, phases, z)
+    if at.entered:
+        _enter(prepared, structure, motion, at, work.spare)
+    if piece.stage < SUMMING:
+        stop = free_motion(structure, motion, scratch, taken, passed, at)
+        if stop != GOES_ON:
+            return stop
+    if piece.stage == SUMMING:
+        todo = at.summed, at.done, at.span, now.budget
+        at.summed, at.done = sum_up(prepared, structure, at.scene, phases, scratch, passed, todo)
+        if at.summed < prepared.laws.size:
+            return _PAUSE
+        piece.stage = SWITCHING
+    if at.still > _MOST_STILL:
+        return _STILL
+    if piece.who < 0:
+        piece.stage, at.switches = ANEW, at.switches + 1
+        if piece.who == AT_END and at.last and at.wanted:
+            set_spread_of(deviations, structure.flow.rotations, passed.after)
+            end_all(prepared, structure, at.scene, phases, z, passed.after, now.end)
+        return _END if piece.who == AT_END else GOES_ON
+    stop = _prepare_switch(prepared, structure, motion, scratch, at)
+    if stop != GOES_ON:
+        return stop
+    if at.wanted:
+        if at.phases >= phases.rows.size:
+            return _PHASES
+        _account(prepared, structure, motion, scratch, phases, passed.after, at)
+    change = prepared.changes[at.scene, at.a, at.new + RELEASED]
+    to, passage = change.scene, change.passage
+    carry_over(prepared, structure, motion, at, to, passage, Z, work.spare)
+    piece.work += _SWITCHED + size * size * (2 + at.columns) // 4
+    at.scene, at.entered, piece.stage, at.switches = to, 1, ANEW, at.switches + 1
+    return _MANY if at.switches > _MOST else GOES_ON
 
 
 @bare
-def contact_sums(
-    structure: Any, work: Any, modes: int, z: Floats, law: Floats, given: Any, sums: Floats
-) -> float:
-    """Add up a contact: its deepest indentation, largest force, integral of the squared rate.
+def follow(book: Any, motion: Any, work: Any, samples: Any, table: Any) -> int:
+    """Follow a motion from its present state to its end, or to what Python has to do.
+
+    NamedTuples arrive as plain tuples: numba looks at each field at every call.
 
     Parameters
     ----------
-    structure, work, modes
-        As of `follow_until_switch`.
-    z : array, shape (2, pair)
-        The state at the beginning.
-    law : array, shape (2,)
-        Stiffness, and damping by the basis' time.
-    given : tuple
-        Index of the coordinate, its side, what to add to the coordinate times its side so that it
-        is the indentation, the time to begin at, the duration, the longest time of one step, and
-        the size of the indentation.
-    sums : array, shape (6,)
-        `DEEPEST` and `STRONGEST`, which are raised; `SQUARE` and `IMPULSE`, the integrals of the
-        squared rate and of the force, which are added to; and bounds of what polynomials leave out
-        of the indentation and of its rate, `LEFT_OUT` and `RATE_LEFT_OUT`, which are raised.
+    book : tuple
+        `Scenes`.
+    motion : tuple
+        `PROGRESS` and `COURSE` of a row each, a table of impacts, of no rows, and the output times.
+    work : tuple
+        `Work`.
+    samples : tuple
+        `Taken`.
+    table : tuple
+        `Phases`.
 
     Returns
     -------
-    float
-        The time that is reached: where it is not the duration, another call goes on from there.
+    int
+        A `Stop`; where it is not the end, another call goes on from there.
     """
-    named = structure_of(structure)
-    flow, watched = named.flow, named.watched
-    scratch = scratch_of(work, z.shape[1], modes)
-    i, side, level, t, span, longest, size = given
-    stiffness, damping = law
-    d, c = scratch.derivatives, scratch.roots[Z1]
-    f = scratch.roots[Z2]
-    left = 1 + _WORK // (1000 + 40 * z.shape[1])
-    while t < span and left > 0:
-        left -= 1
-        set_propagator(flow, t, 0.0, scratch.propagator)
-        propagate_state(flow, scratch.propagator, t, z, scratch.z)
-        derivatives(flow, watched.coordinate[i], scratch.z, d)
-        set_lengths(flow, scratch.z, scratch.lengths)
-        ahead = min(span - t, longest)
-        B = bound(flow, watched, i, scratch.z, scratch.lengths, True, ahead)
-        h = min(horizon(B, _FINE * size), ahead)
-        h = h if t + h > t else span - t
-        power = 1.0
-        for n in range(ORDER):
-            c[n] = side * d[n] * power
-            power /= n + 1.0
-        c[0] += level
-        for n in range(ORDER - 1):
-            f[n] = stiffness * c[n] + damping * (n + 1.0) * c[n + 1]
-        sums[DEEPEST] = max(sums[DEEPEST], _largest(c, ORDER - 1, h))
-        sums[STRONGEST] = max(sums[STRONGEST], _largest(f, ORDER - 2, h))
-        total = 0.0
-        for m in range(ORDER - 1, 0, -1):
-            inside = 0.0
-            for n in range(ORDER - 1, 0, -1):
-                inside = inside * h + n * c[n] / (m + n - 1.0)
-            total = total * h + m * c[m] * inside
-        sums[SQUARE] += h * total
-        total = 0.0
-        for n in range(ORDER - 2, -1, -1):
-            total = total * h + f[n] / (n + 1.0)
-        sums[IMPULSE] += h * total
-        less = remainder(B, h)
-        sums[LEFT_OUT] = max(sums[LEFT_OUT], less)
-        sums[RATE_LEFT_OUT] = max(sums[RATE_LEFT_OUT], ORDER * less / h)
-        t += h
-    return float(t)
+    prepared, taken, phases, own = Scenes(*book), Taken(*samples), Phases(*table), Work(*work)
+    progress, course, impacts, times = motion
+    none = own.kept[:0]
+    given = Motion(none.reshape(0, 0), none.reshape(0, 0, 0), progress, impacts, times)
+    own.piece[0].work = 0
+    stop = GOES_ON
+    while stop == GOES_ON:
+        stop = _advance(prepared, given, course, own, taken, phases)
+    return stop

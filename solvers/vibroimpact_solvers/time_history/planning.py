@@ -225,7 +225,8 @@ def _switched_step(problem: Problem, count: int) -> Step:
     """Return the step of a motion with stops of finite stiffness."""
     system, n = problem.system, float(problem.system.n)
     # A contact in two radians of the slow modes or the load, or at the first speed; measured on
-    # chains and beams, it takes .6 ms and what goes with the number of modes.
+    # chains, it takes 20 us and what goes with the number of modes, and with its square where
+    # states are converted.
     radians = problem.t_end * _slow(problem)
     contacts = 5.0 + max(0.5 * radians, 0.3 * _crossings(problem))
     reason = (
@@ -236,7 +237,7 @@ def _switched_step(problem: Problem, count: int) -> Step:
     coupled = any(c.law.lossy for c in system.constraints) or system.C is not None
     modes = (1.0 + count) * n**3 * (200.0 if coupled else 20.0)
     breaks = samples(problem.load, problem.t_end)
-    flops = 1.5e7 + modes + contacts * (6e5 + 3.5e4 * n) + breaks * _SAMPLE
+    flops = 1.5e7 + modes + contacts * (2e4 + 3e3 * n + 20.0 * n * n) + breaks * _SAMPLE
     return Step(Stage.FREE_MOTION, Method.SWITCHED, reason, flops, 400.0 * contacts, bounded=False)
 
 

@@ -252,7 +252,10 @@ class Problem:
             raise ModelError(("system", "constraints", 0, "law"), message, code="too_large")
         rigid = next((i for i, c in enumerate(constraints) if c.law.rigid), None)
         if rigid is not None:
-            message = "rigid stops beside stops of finite stiffness are not computed yet"
+            message = (
+                "rigid stops beside stops of finite stiffness are not computed: all are rigid, or "
+                "all have a law with a stiffness, of which a large one stands for a rigid stop"
+            )
             raise ModelError(("system", "constraints", rigid), message, code="not_possible")
         for field, given, reason in (
             ("limiter", self.limiter is not None, "the laws of the stops and a limiter exclude one "

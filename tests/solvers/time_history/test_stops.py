@@ -22,6 +22,8 @@ from vibroimpact_solvers import (
 from vibroimpact_solvers.errors import Cancelled, ModelError
 from vibroimpact_solvers.laws import Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.time_history.stops import motion as motions_of_stops
+from vibroimpact_solvers.time_history.stops import scene_table
 
 ALL = frozenset({"x", "v", "energy", "force", "contacts"})
 
@@ -254,6 +256,74 @@ def test_an_ensemble_is_its_motions_alone() -> None:
         for name in ("start", "stop", "impulse", "peak_force", "indentation", "energy_lost"):
             found = getattr(many, f"contact_{name}")[rows]
             assert np.array_equal(found, getattr(alone, f"contact_{name}")), name
+
+
+def chain_between_stops() -> tuple[System, Any]:
+    """Return three damped masses, two of them between stops, and velocities."""
+    K = 2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
+    stops = (
+        Constraint((0,), (1.0,), 0.1, 0.15, law=Linear(90.0, 0.8)),
+        Constraint((2,), (1.0,), None, 0.1, law=Linear(40.0)),
+    )
+    matrices = (SymmetricMatrix.dense(A) for A in (np.eye(3), K))
+    return System(*matrices, stops, C=SymmetricMatrix.dense(0.02 * K)), [1.0, -0.4, 0.7]
+
+
+FIELDS = (
+    "x", "v", "energy", "force", "error_x", "error_force", "contact_start", "contact_stop",
+    "contact_impulse", "contact_peak_force", "contact_energy_lost", "error_contact_impulse",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "value"),
+    [
+        (motions_of_stops, "WORK", 3_000),  # so that the loop pauses wherever it can
+        (motions_of_stops, "_PHASES", 0),  # and the table of contacts grows again and again
+        (scene_table, "ROOM", 1),  # a table is left at each new scene
+        (scene_table, "_NUMBERS", 1),  # and its arrays are replaced
+    ],
+)
+def test_pieces_change_no_bit(
+    monkeypatch: pytest.MonkeyPatch, place: Any, name: str, value: int
+) -> None:
+    """Wherever the compiled loop returns, the motion is the same."""
+    system, v = chain_between_stops()
+    load = (time_history.Harmonic(1, 0.6, 1.3),)
+    whole = motion(system, np.zeros(3), v, 20.0, 200, load=load)
+    monkeypatch.setattr(place, name, value)
+    system, _ = chain_between_stops()  # another one, of which nothing is prepared
+    pieces = motion(system, np.zeros(3), v, 20.0, 200, load=load)
+    assert whole.contact_start is not None
+    assert whole.contact_start.size > 10
+    for field in FIELDS:
+        assert np.array_equal(getattr(whole, field), getattr(pieces, field)), field
+
+
+def test_histories_in_parts() -> None:
+    """So many samples that they are fetched in several parts are those of fewer."""
+    system, v = chain_between_stops()
+    many = motion(system, np.zeros(3), v, 20.0, 20_001)
+    few = motion(system, np.zeros(3), v, 20.0, 201)
+    for name in ("x", "v", "energy", "force"):
+        apart = np.abs(getattr(many, name)[::100] - getattr(few, name))
+        assert (apart <= getattr(few, f"error_{name}")).all(), name
+
+
+def test_contacts_beyond_the_first_table() -> None:
+    """A mass between springs touches some hundred times; each as the closed form says."""
+    m, k, gap, v = 2.0, 300.0, 0.05, 1.5
+    wall = Constraint((0,), (1.0,), gap, gap, law=Linear(k))
+    system = System(SymmetricMatrix.diagonal([m]), SymmetricMatrix.diagonal([0.0]), (wall,))
+    result = motion(system, [0.0], [v], 100.0, 3)
+    contact = math.pi * math.sqrt(m / k)
+    assert result.contact_start is not None
+    count = result.contact_start.size
+    assert count > 200
+    starts = gap / v + (2.0 * gap / v + contact) * np.arange(count)
+    assert (np.abs(result.contact_start - starts) <= result.error_contact_start).all()
+    assert result.contact_side is not None
+    assert (result.contact_side == np.where(np.arange(count) % 2, -1, 1)).all()
 
 
 STOPPED = one_mass(Linear(10.0), 0.1, K=1.0)

@@ -1,4 +1,4 @@
-"""A structure in each state of its stops: what is watched, and how states carry over.
+"""A structure with stops of finite stiffness, in the states that its motions reach.
 
 A stop is open, loaded or released (`vibroimpact_solvers.laws`); with the modes of the loaded ones
 (`modes`), the watched forms are the coordinates at their walls and the forces of the others.
@@ -7,105 +7,19 @@ A stop is open, loaded or released (`vibroimpact_solvers.laws`); with the modes 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels import rigid_state
-from vibroimpact_solvers.kernels.flow import Z2, Watched
+from vibroimpact_solvers.kernels.flow import Watched
+from vibroimpact_solvers.kernels.stopped_scenes import LOADED, OPEN, RELEASED
 from vibroimpact_solvers.meter import look
-from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.stops.modes import Placed, StoppedModes
+from vibroimpact_solvers.time_history.stops.scene_table import SceneTable
+from vibroimpact_solvers.time_history.stops.scenes import Passage, Scene, States
 from vibroimpact_solvers.time_history.structure import Structure, errors_of
-
-OPEN: Final = 0
-LOADED: Final = 1
-RELEASED: Final = 2
-_ROOM: Final = 2**28  # bytes of the passages that are kept
-_FEWEST: Final = 4  # of them, however large they are
-"""States of a stop; with the sign of its side where it is not open."""
-States = tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Scene:
-    """The structure in one state of its stops.
-
-    Parameters
-    ----------
-    states : tuple of int
-        Of each constraint: `OPEN`, or `LOADED` or `RELEASED` times the side.
-    placed : Placed
-    forces : tuple of int
-        The constraints whose forces are watched, after all coordinates.
-    kernel : rigid_state.Structure
-    arguments : tuple
-        The same as kernels take it.
-    rises : array, shape (watched,)
-        What constant loads on free bodies add to the rates of the watched forms.
-    pushed : bool
-        Whether they add anything.
-    sizes : array, shape (2, watched, 2 pair)
-        Magnitudes of the watched forms and of their rates.
-    """
-
-    states: States
-    placed: Placed
-    forces: tuple[int, ...]
-    kernel: rigid_state.Structure
-    arguments: tuple[Any, ...]
-    rises: Floats
-    pushed: bool
-    sizes: Floats
-
-    def force_place(self, constraint: int) -> int:
-        """Return where the force of a stop that is not open is watched."""
-        return len(self.states) + self.forces.index(constraint)
-
-    def workspace(self) -> tuple[Any, ...]:
-        """Return new work arrays of kernels."""
-        modes = self.basis.modes.roots.size
-        return rigid_state.workspace(self.basis.pairs, self.kernel.walls.size, modes, 0)
-
-    @property
-    def basis(self) -> Basis:
-        """The pairs of its states."""
-        return self.placed.basis
-
-    def force_form(self, constraint: int) -> tuple[Floats, float]:
-        """Return the form of the force of a stop that is not open, and its level."""
-        place = self.force_place(constraint)
-        wall = self.kernel.walls[place]
-        loaded = abs(self.states[constraint]) == LOADED
-        level = float(wall["lower"] if loaded else -wall["upper"])
-        return self.kernel.watched.coordinate[place], level
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Passage:
-    """How states carry over from one scene to another: ``matrix z + offset``, flattened.
-
-    Parameters
-    ----------
-    matrix : array, shape (2 pair, 2 pair)
-    offset : array, shape (2 pair,)
-    terms : array, shape (2 pair,)
-        Magnitudes of what the offset is the sum of.
-    """
-
-    matrix: Floats
-    offset: Floats
-    terms: Floats
-    sizes: Floats = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "sizes", np.abs(self.matrix))
-
-    def rounding(self, z: Floats) -> Floats:
-        """Return the magnitudes of what a state that is carried over is the sum of."""
-        return np.asarray(self.sizes @ np.abs(z) + self.terms)
 
 
 class StoppedStructure(StoppedModes):
@@ -115,12 +29,25 @@ class StoppedStructure(StoppedModes):
     ----------
     structure : Structure
         The structure that no stop touches.
+
+    Attributes
+    ----------
+    free : dict
+        Arrays of motions that have ended, by the numbers of deviations and of output times.
     """
 
     def __init__(self, structure: Structure) -> None:
         super().__init__(structure)
-        self._scenes: dict[States, Scene] = {}
-        self._passages: dict[tuple[States, States], Passage] = {}
+        self._table = SceneTable(self)
+        self.free: dict[tuple[int, int], list[Any]] = {}
+
+    @property
+    def table(self) -> SceneTable:
+        """The scenes that are prepared; another table begins where one is full."""
+        if self._table.full:
+            self.forget()
+            self._table = SceneTable(self)
+        return self._table
 
     @classmethod
     def of(cls, structure: Structure) -> StoppedStructure:
@@ -132,12 +59,6 @@ class StoppedStructure(StoppedModes):
 
     def scene(self, states: States) -> Scene:
         """Return the structure in a state of its stops."""
-        known = self._scenes.get(states)
-        if known is None:
-            known = self._scenes[states] = self._scene(states)
-        return known
-
-    def _scene(self, states: States) -> Scene:
         loaded = tuple(
             (a, 1 if code > 0 else -1) for a, code in enumerate(states) if abs(code) == LOADED
         )
@@ -171,10 +92,7 @@ class StoppedStructure(StoppedModes):
             basis.flow, watched, walls, np.zeros((walls.size, walls.size)),
             errors_of(basis, watched),
         )  # fmt: skip
-        rises = forms[:, Z2] @ basis.push
-        given = rigid_state.handed_over(kernel)
-        sizes = np.abs([forms, slopes]).reshape(2, len(forms), -1)
-        return Scene(states, placed, forces, kernel, given, rises, bool(rises.any()), sizes)
+        return Scene(states, placed, forces, kernel)
 
     def _set_walls(self, wall: rigid_state.Rows, a: int, code: int, level: float) -> None:
         """Set what a coordinate must not pass in a state of its stop."""
@@ -202,22 +120,9 @@ class StoppedStructure(StoppedModes):
 
     # -- from scene to scene --
 
-    def passage(self, before: Scene, after: Scene) -> Passage:
-        """Return how states carry over from one scene to another, displacements unchanged."""
-        key = before.states, after.states
-        known = self._passages.get(key)
-        if known is None:
-            known = self._passage(before.placed, after.placed)
-            if len(self._passages) >= max(_FEWEST, _ROOM // (4 * known.matrix.nbytes)):
-                self._passages.clear()
-            self._passages[key] = known
-        return known
-
-    def _passage(self, before: Placed, after: Placed) -> Passage:
+    def passage(self, before: Placed, after: Placed) -> Passage:
+        """Return how states carry over from one basis to another, displacements unchanged."""
         one, other = before.basis, after.basis
-        if one is other:
-            size = 2 * one.pairs
-            return Passage(np.eye(size), np.zeros(size), np.zeros(size))
         turn = after.vectors.T @ before.vectors
         shift = turn @ one.still + after.vectors.T @ (before.origin - after.origin) - other.still
 

@@ -9,7 +9,7 @@ keep their digits at stiff stops.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -73,6 +73,12 @@ class Placed:
     indentations: Floats
     terms: Floats
     mixing: Floats | None
+    _sizes: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        none, units = np.zeros(self.terms.size), np.eye(self.terms.size)
+        each = [np.abs(self.basis.pairs_of(unit, none)).ravel() for unit in units]
+        object.__setattr__(self, "_sizes", np.array(each))
 
     def mixed(self, states: Floats) -> Floats | float:
         """Return what errors of complex modes make of states (..., 2, pair): absolute errors."""
@@ -83,9 +89,7 @@ class Placed:
 
     def sizes_of(self, terms: Floats) -> Floats:
         """Return what modal coordinates of these magnitudes make of a state, flattened."""
-        none = np.zeros(terms.size)
-        units = np.diag(terms)
-        return np.asarray(sum(np.abs(self.basis.pairs_of(unit, none)).ravel() for unit in units))
+        return np.asarray(terms @ self._sizes)
 
 
 class StoppedModes:
@@ -115,8 +119,6 @@ class StoppedModes:
             dtype=np.float64,
         )
         self.walls = structure.limits
-        there = np.isfinite(self.walls).tolist()
-        self.only_side = [0 if a and b else (1 if b else -1) for a, b in zip(*there, strict=True)]
         fastest = math.sqrt(float((self.stiffness * self.mobility).sum()))
         self.exponent = max(structure.exponent, exponent_of(np.array([fastest]), 1.0))
         if fastest == 0.0:
@@ -129,6 +131,11 @@ class StoppedModes:
             (): _Modes(np.eye(count), self.rows, open_modes)
         }
         self._placed: dict[tuple[tuple[int, int], ...], Placed] = {}
+
+    def forget(self) -> None:
+        """Let go of the modes with loaded stops."""
+        self._modes = {(): self._modes[()]}
+        self._placed = {}
 
     def acts(self, constraint: int) -> bool:
         """Whether a stop has any force."""

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import conserves, relative_drift
 from vibroimpact_solvers.time_history.problem import Problem, State
@@ -26,6 +27,7 @@ _STATEMENT: Final = (
     "contact is missed; impulses, largest forces, indentations and losses are those of "
     "polynomials whose remainder is bounded"
 )
+_SIZES: Final = 8  # kinds of arrays that are kept for other motions
 _COLUMNS: Final = ("start", "stop", "impulse", "peak_force", "indentation", "energy_lost")
 
 
@@ -40,6 +42,18 @@ class StoppedMotions:
 
     def __init__(self, structure: Structure, problem: Problem) -> None:
         self._structure, self._problem = StoppedStructure.of(structure), problem
+        self._size = COLUMNS if problem.estimate else 0, problem.history_times.size
+
+    def _taken(self) -> StoppedMotion:
+        """Return the arrays of a motion that has ended, or new ones; threads share them."""
+        free = self._structure.free
+        if len(free) > _SIZES:
+            free.clear()
+        try:
+            known: StoppedMotion = free.setdefault(self._size, []).pop()
+        except IndexError:
+            return StoppedMotion(self._structure, *self._size)
+        return known
 
     def solve(self, initial: State, tick: Tick | None = None) -> Result:
         """Compute a motion.
@@ -54,9 +68,8 @@ class StoppedMotions:
         problem = self._problem
         if initial is not problem.initial:
             problem.check(initial)
-        samples = Samples(self._structure, problem)
-        motion = StoppedMotion(self._structure, problem, samples)
-        motion.follow(initial, tick)
+        samples, motion = Samples(self._structure, problem), self._taken()
+        motion.follow(problem, initial, samples, tick)
         values = default_values(problem) | samples.values
         values["error_statement"] = _STATEMENT if problem.estimate else UNKNOWN
         now = motion.progress[0]
@@ -65,33 +78,31 @@ class StoppedMotions:
         if problem.estimate:
             values["error_condition"] = float(now["growth"])
             values["error_predictable_until"] = min(known, problem.t_end)
-            late = np.flatnonzero(problem.history_times > known)
-            for name in samples.values:
-                if name.startswith("error_"):
-                    values[name][late] = math.inf
+            if known < problem.t_end:
+                late = problem.history_times > known
+                for name in samples.values:
+                    if name.startswith("error_"):
+                        values[name][late] = math.inf
         else:
             values["error_condition"] = values["error_predictable_until"] = math.nan
         if "contacts" in problem.outputs:
-            values |= self._table(motion, known)
+            values |= self._contacts(motion, known)
         if "energy" in problem.outputs and conserves(problem):
             values["error_energy_drift"] = float(relative_drift(values["energy"][np.newaxis])[0])
+        self._structure.free.setdefault(self._size, []).append(motion)
         return Result(**values)
 
-    def _table(self, motion: StoppedMotion, known: float) -> dict[str, Any]:
+    def _contacts(self, motion: StoppedMotion, known: float) -> dict[str, Any]:
         """Return the table of contacts, and its errors."""
-        rows = motion.contacts.rows
-        table: dict[str, Any] = {
-            f"contact_{name}": np.array([getattr(row, name) for row in rows], dtype=np.float64)
-            for name in _COLUMNS
-        }
+        rows = motion.contacts
+        table: dict[str, Any] = {f"contact_{name}": rows[name].copy() for name in _COLUMNS}
         table["contact_rest"] = table["contact_start"].copy()
         for name in ("constraint", "side"):
-            table[f"contact_{name}"] = np.array([getattr(r, name) for r in rows], dtype=np.int64)
+            table[f"contact_{name}"] = rows[name].copy()
         if self._problem.estimate:
             ends = table["contact_stop"]
             for name in _COLUMNS:
-                each = np.array([getattr(r, f"error_{name}") for r in rows], dtype=np.float64)
                 at = table["contact_start"] if name == "start" else ends
-                table[f"error_contact_{name}"] = masked(at, each, known)
+                table[f"error_contact_{name}"] = masked(at, rows[f"error_{name}"].copy(), known)
             table["error_contact_rest"] = table["error_contact_start"].copy()
         return table

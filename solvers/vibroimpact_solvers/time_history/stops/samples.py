@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.kernels.contact_phases import SAMPLED
+from vibroimpact_solvers.kernels.stopped_scenes import LOADED, OPEN
 from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.stops.configurations import (
-    LOADED,
-    OPEN,
-    Scene,
-    StoppedStructure,
-)
-from vibroimpact_solvers.time_history.stops.contacts import SAMPLED
+from vibroimpact_solvers.time_history.stops.configurations import StoppedStructure
+from vibroimpact_solvers.time_history.stops.scenes import Scene
 
 _ROUNDED = 8.0  # roundings of an output
 _LARGEST = 1e150  # of deviations
@@ -47,57 +44,50 @@ class Samples:
             "energy": (count,),
             "force": (count, stops),
         }
+        parts = ("x", slice(self._dofs.size)), ("v", slice(self._dofs.size, None))
+        self._history = [part for part in parts if part[0] in problem.outputs]
         self.values: dict[str, Any] = {}
         for name in shapes.keys() & problem.outputs:
             self.values[name] = np.empty(shapes[name])
             if problem.estimate:
                 self.values[f"error_{name}"] = np.empty(shapes[name])
 
-    def take(self, scene: Scene, rows: slice, states: Floats, spreads: Floats) -> None:
+    def take(self, scene: Scene, rows: Any, states: Floats, spreads: Floats) -> None:
         """Take the states of some output times, and the sizes of their deviations.
 
         Parameters
         ----------
         scene : Scene
-        rows : slice
+        rows : slice or array of int
             Of the output times.
-        states, spreads : array, shape (time, 2, pair)
+        states, spreads : array, shape (time, 2 pair)
         """
-        outputs = self._problem.outputs
-        basis, modes = scene.basis, scene.basis.modes
-        off = None
+        outputs, sizes = self._problem.outputs, None
         if self._problem.estimate:
             # Beyond the horizon deviations grow without bound.
-            off = SAMPLED * EPS * np.fmin(spreads, _LARGEST) + scene.placed.mixed(states)
-        if outputs & {"x", "v"}:
-            q, rate = basis.coordinates(states)
-            shapes = modes.shapes[self._dofs]
-            if "x" in outputs:
-                self.values["x"][rows] = (q + basis.still) @ shapes.T + modes.base[self._dofs]
-            if "v" in outputs:
-                self.values["v"][rows] = self._structure.scale * (rate @ shapes.T)
-            if off is not None:
-                self._take_errors(scene, rows, states, off)
+            sizes = np.fmin(spreads, _LARGEST)
+            sizes *= SAMPLED * EPS
+            sizes += (_ROUNDED * EPS) * np.abs(states)
+            if scene.placed.mixing is not None:
+                pairs = states.reshape(len(states), 2, -1)
+                missed = np.broadcast_to(scene.placed.mixed(pairs), pairs.shape)
+                sizes += missed.reshape(states.shape)
+        if self._history:
+            forms = scene.history_forms(self._dofs, self._structure.scale)
+            values = states @ forms.values.T
+            values += forms.offset
+            errors = None
+            if sizes is not None:
+                errors = sizes @ forms.sizes.T
+                errors += _ROUNDED * EPS * forms.terms
+            for name, part in self._history:
+                self.values[name][rows] = values[:, part]
+                if errors is not None:
+                    self.values[f"error_{name}"][rows] = np.maximum(errors[:, part], LEAST)
         if "energy" in outputs:
-            self._take_energies(scene, rows, states, off)
+            self._take_energies(scene, rows, states.reshape(len(states), 2, -1), sizes)
         if "force" in outputs:
-            self._take_forces(scene, rows, states, off)
-
-    def _take_errors(self, scene: Scene, rows: slice, states: Floats, off: Floats) -> None:
-        basis, outputs = scene.basis, self._problem.outputs
-        shapes = basis.modes.shapes[self._dofs]
-        flat = (off + _ROUNDED * EPS * np.abs(states)).reshape(len(states), -1)
-        for name, make, factor in (
-            ("x", basis.displacement, 1.0),
-            ("v", basis.velocity, self._structure.scale),
-        ):
-            if name in outputs:
-                forms = np.abs(make(shapes)).reshape(len(shapes), -1)
-                error = factor * (flat @ forms.T)
-                if name == "x":
-                    still = np.abs(shapes) @ scene.placed.terms
-                    error += _ROUNDED * EPS * (still + np.abs(basis.modes.base[self._dofs]))
-                self.values[f"error_{name}"][rows] = np.maximum(error, LEAST)
+            self._take_forces(scene, rows, states, sizes)
 
     def _indentations(self, scene: Scene, states: Floats) -> Floats:
         """Return how far coordinates are beyond walls, 0 of open stops, (time, constraint)."""
@@ -113,7 +103,7 @@ class Samples:
                 beyond[:, a] = side * (moved[:, a] + placed.levels[a]) - structure.wall(a, side)
         return beyond
 
-    def _take_energies(self, scene: Scene, rows: slice, states: Floats, off: Floats | None) -> None:
+    def _take_energies(self, scene: Scene, rows: Any, states: Floats, flat: Floats | None) -> None:
         """Take the energies of the structure, of its constant load and of indented stops."""
         structure, basis, placed = self._structure, scene.basis, scene.placed
         free = structure.structure.configuration().basis.modes
@@ -127,9 +117,8 @@ class Samples:
         elastic = (u * (0.5 * stiffness * u - free.load)).sum(axis=1)
         energies = kinetic + elastic + 0.5 * (beyond**2 @ k)
         self.values["energy"][rows] = energies
-        if off is None:
+        if flat is None:
             return
-        flat = (off + _ROUNDED * EPS * np.abs(states)).reshape(len(states), -1)
         count = len(placed.vectors)
         du = flat @ np.abs(basis.displacement(placed.vectors)).reshape(count, -1).T
         dv = flat @ np.abs(basis.velocity(placed.vectors)).reshape(count, -1).T * structure.scale
@@ -142,21 +131,18 @@ class Samples:
         terms = kinetic + np.abs(u * (0.5 * stiffness * u - free.load)).sum(axis=1)
         self.values["error_energy"][rows] = error + _ROUNDED * EPS * terms + LEAST
 
-    def _take_forces(self, scene: Scene, rows: slice, states: Floats, off: Floats | None) -> None:
+    def _take_forces(self, scene: Scene, rows: Any, states: Floats, sizes: Floats | None) -> None:
         """Take the forces of stops, zero of those that are not loaded."""
-        force = self.values["force"][rows]
-        force[:] = 0.0
-        error = None
-        if off is not None:
-            error = self.values["error_force"][rows]
-            error[:] = 0.0
-            flat = (off + _ROUNDED * EPS * np.abs(states)).reshape(len(states), -1)
+        force = np.zeros((len(states), len(scene.states)))
+        error = np.zeros_like(force)
         for a, code in enumerate(scene.states):
             if abs(code) != LOADED:
                 continue
             form, level = scene.force_form(a)
-            force[:, a] = np.maximum(states.reshape(len(states), -1) @ form.ravel() + level, 0.0)
-            if error is not None:
-                place = len(scene.states) + scene.forces.index(a)
-                size = abs(level) + float(scene.kernel.walls["size"][place])
-                error[:, a] = flat @ np.abs(form).ravel() + _ROUNDED * EPS * size
+            force[:, a] = np.maximum(states @ form.ravel() + level, 0.0)
+            if sizes is not None:
+                size = abs(level) + float(scene.kernel.walls["size"][scene.force_place(a)])
+                error[:, a] = sizes @ np.abs(form).ravel() + _ROUNDED * EPS * size
+        self.values["force"][rows] = force
+        if sizes is not None:
+            self.values["error_force"][rows] = error
