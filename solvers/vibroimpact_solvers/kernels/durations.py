@@ -13,7 +13,7 @@ Fredholm's determinant D all of them are entire functions of x. With ``|S| <= s`
 
     |D| <= sum (s RADIUS)^n n^(n/2) / n! ,
 
-and Cauchy's what their Taylor polynomials of the degree `TERMS` - 1 leave out on the box: this
+and Cauchy's inequality what their Taylor polynomials of the degree `TERMS` - 1 leave out on the box: this
 proves where the polynomial of E shows no root, or exactly one.
 """
 
@@ -28,11 +28,12 @@ from numpy.typing import NDArray
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import inner, kernel
 
-TERMS: Final = 24
+TERMS: Final = 30
 RADIUS: Final = 3.0
 """Of the disc on which functions are bounded, in half widths of the box."""
 STRONG: Final = 0.7
-"""Largest bound of the kernel S with which a box is not cut."""
+SINGULAR: Final = 1e4
+"""Largest bounds of the kernel S, and of a part of rank one, with which a box is not cut."""
 
 OF_S: Final = 0
 OF_BETA: Final = 1
@@ -51,6 +52,7 @@ _SERIES = 40  # terms of Fredholm's series, whose rest is far below the sum for 
 _FINEST = 1e-8  # half width of an interval, in those of the box, that is not cut any more
 _MOST = 4096  # intervals of a box
 _ROUNDED = 1e-13  # roundings of a polynomial, relative to the size of its terms
+_BEYOND = 1.2  # of the box, up to where functions are known, for Cauchy's bound of derivatives
 _DEEP = 64  # halvings that are left to examine
 _HALVINGS = 40  # of an interval with one root
 
@@ -81,18 +83,32 @@ class _Room(NamedTuple):
     R: Complexes
     g: Complexes
     h: Complexes
-    A: Complexes  # (2 TERMS,)
-    E: Floats  # (4 TERMS,)
+    A: Complexes  # (2 TERMS,): g R* - h Q*
+    I: Floats  # (2 TERMS,): Im(Q* R)
     middle: Floats  # (_DEEP,): of intervals that are left to examine
     half: Floats  # (_DEEP,): their half widths
 
 
-class _Doubts(NamedTuple):
-    """Errors of E and of its derivative on a box, and a bound of its third derivative."""
+class _Sizes(NamedTuple):
+    """Bounds of Q, R, g and h, times D, on the disc."""
 
-    value: float
-    slope: float
-    third: float
+    Q: float
+    R: float
+    g: float
+    h: float
+
+
+class _Doubts(NamedTuple):
+    """Errors of A, I and their derivatives on a box, and bounds of their second and third ones."""
+
+    A: float
+    I: float
+    A_slope: float
+    I_slope: float
+    A_bend: float
+    I_bend: float
+    A_third: float
+    I_third: float
 
 
 @inner
@@ -180,99 +196,155 @@ def _largest(p: Complexes, radius: float) -> float:
 
 
 @inner
-def _strength(S: Floats) -> float:
-    """Return a bound of the polynomial of S on the disc."""
-    total, outer = 0.0, 1.0
+def _strength(S: Floats, apart: bool) -> tuple[float, float]:
+    """Return bounds of S on the disc: of a part of rank one, and of the remainder.
+
+    Where not `apart` the former is zero. Near a duration of which the structure has a free motion
+    as long as the period, S is large, but ``S(s, t) - S(s, 0) S(0, t) / S(0, 0)`` is not.
+    """
+    first = 0
+    whole = S[first, first]
+    total, outer, before, after = 0.0, 1.0, 0.0, 0.0
     for l in range(TERMS):
         power = outer
+        before += abs(S[l, first]) * outer
+        after += abs(S[first, l]) * outer
         for j in range(TERMS):
-            total += abs(S[l, j]) * power
+            taken = S[l, first] * S[first, j] / whole if apart else 0.0
+            total += abs(S[l, j] - taken) * power
             power *= RADIUS
         outer *= RADIUS
-    return total
+    return (before * after / abs(whole) if apart else 0.0), total
 
 
 @inner
-def _fredholm(s: float) -> tuple[float, float]:
-    """Return the bounds of the determinant and of its first minor for |S| <= s on the disc."""
-    whole, minor, power = 0.0, 0.0, 1.0
+def _fredholm(r: float, s: float) -> tuple[float, float]:
+    """Return bounds of the determinant and of its first minor on the disc.
+
+    S is the sum of a part of rank one, at most r, and of one of at most s: of the columns of a
+    determinant one at most is of the former.
+    """
+    whole, minor, power, last = 0.0, 0.0, 1.0, 0.0
     for n in range(_SERIES):
-        root = math.sqrt(n + 1.0)
-        # n^(n/2)/n! and (n+1)^((n+1)/2)/n! by their logarithms
-        size = 0.5 * n * math.log(max(n, 1.0)) - math.lgamma(n + 1.0)
-        whole += power * math.exp(size)
-        minor += s * power * math.exp(0.5 * n * math.log(n + 1.0) - math.lgamma(n + 1.0)) * root
+        # s^n n^(n/2) / n! and s^(n+1) (n+1)^((n+1)/2) / n!, RADIUS^n times
+        even = math.exp(0.5 * n * math.log(max(n, 1.0)) - math.lgamma(n + 1.0))
+        odd = math.exp(0.5 * (n + 1.0) * math.log(n + 1.0) - math.lgamma(n + 1.0))
+        whole += even * (power + n * r * RADIUS * last)
+        minor += odd * (power * s + (n + 1.0) * r * power)
+        last = power
         power *= s * RADIUS
     return whole, minor
 
 
 @inner
 def _set_equation(room: _Room) -> None:
-    """Fill in the polynomial of E."""
-    A, E = room.A, room.E
-    for k in range(E.size):
-        E[k] = 0.0
+    """Fill in the polynomials of A and I."""
+    A, I = room.A, room.I
     for k in range(A.size):
-        A[k] = 0.0
+        A[k], I[k] = 0.0, 0.0
     for j in range(TERMS):
         for k in range(TERMS):
             A[j + k] += room.g[j] * room.R[k].conjugate() - room.h[j] * room.Q[k].conjugate()
-    for j in range(A.size):
-        for k in range(A.size):
-            E[j + k] += (A[j] * A[k].conjugate()).real
-    for k in range(A.size):
-        A[k] = 0.0
-    for j in range(TERMS):
-        for k in range(TERMS):
-            A[j + k] += (room.Q[j].conjugate() * room.R[k]).imag
-    for j in range(A.size):
-        for k in range(A.size):
-            E[j + k] -= A[j].real * A[k].real
+            I[j + k] += (room.Q[j].conjugate() * room.R[k]).imag
 
 
 @inner
-def _divide(E: Floats, end: int) -> None:
-    """Divide E by ``1 - x`` or ``1 + x``, whose root it has, the end being 1 or -1."""
-    # E_k = q_k - end q_(k-1), from the high end, where coefficients are small.
-    above = 0.0
-    for k in range(E.size - 1, -1, -1):
-        here = E[k]
-        E[k] = above
-        above = end * (above - here)
+def _divide(A: Complexes, I: Floats, root: float) -> None:
+    """Divide A and I by ``x - root``, where both are zero."""
+    # A_k = q_(k-1) - root q_k, from the high end, where coefficients are small.
+    above, higher = 0.0 + 0.0j, 0.0
+    for k in range(A.size - 1, -1, -1):
+        here, there = A[k], I[k]
+        A[k], I[k] = above, higher
+        above, higher = here + root * above, there + root * higher
 
 
 @inner
-def _state(E: Floats, x: float, w: float, doubts: _Doubts) -> int:
-    """Return what is proved of the roots in ``[x - w, x + w]``."""
-    doubt, slope_doubt, third = doubts
-    value, slope, bend = 0.0, 0.0, 0.0
-    for k in range(E.size - 1, -1, -1):
-        bend = bend * x + 2.0 * slope
-        slope = slope * x + value
-        value = value * x + E[k]
-    if abs(value) > w * (abs(slope) + w * (0.5 * abs(bend) + w * third / 6.0)) + doubt:
+def _pole(D: Complexes) -> tuple[int, float]:
+    """Return whether the determinant has a root in the box, one at most, and where.
+
+    `EMPTY`, `ROOT`, or `CUT` where there may be more.
+    """
+    other, bends, low, high = 0.0, 0.0, 0.0, 0.0
+    for k in range(TERMS - 1, -1, -1):
+        low, high = D[k].real - low, D[k].real + high
+        if k > 0:
+            other += abs(D[k])
+        if k > 1:
+            bends += k * abs(D[k])
+    if abs(D[0]) > other:
+        return EMPTY, 0.0
+    if abs(D[1]) <= bends:
+        return CUT, 0.0
+    if (low > 0.0) == (high > 0.0):
+        return EMPTY, 0.0
+    left, right, x = -1.0, 1.0, 0.0
+    for _ in range(2 * _HALVINGS):
+        x, value = 0.5 * (left + right), 0.0
+        for k in range(TERMS - 1, -1, -1):
+            value = value * x + D[k].real
+        if (value > 0.0) == (high > 0.0):
+            right = x
+        else:
+            left = x
+    return ROOT, x
+
+
+@inner
+def _state(room: _Room, x: float, w: float, doubts: _Doubts) -> int:
+    """Return what is proved of the roots of E in ``[x - w, x + w]``."""
+    A, rise, bend = 0.0 + 0.0j, 0.0 + 0.0j, 0.0 + 0.0j
+    I, slope, turn = 0.0, 0.0, 0.0
+    for k in range(room.I.size - 1, -1, -1):
+        bend, rise, A = bend * x + 2.0 * rise, rise * x + A, A * x + room.A[k]
+        turn, slope, I = turn * x + 2.0 * slope, slope * x + I, I * x + room.I[k]
+    # Bounds of A, I and their first three derivatives in the interval.
+    A2, I2 = abs(bend) + w * doubts.A_third, abs(turn) + w * doubts.I_third
+    A2, I2 = min(A2, doubts.A_bend), min(I2, doubts.I_bend)
+    A1, I1 = abs(rise) + w * A2, abs(slope) + w * I2
+    A0, I0 = abs(A) + w * A1, abs(I) + w * I1
+    doubt = doubts.A * (2.0 * A0 + doubts.A) + doubts.I * (2.0 * I0 + doubts.I)
+    value = (A.real * A.real + A.imag * A.imag) - I * I
+    first = 2.0 * ((A.conjugate() * rise).real - I * slope)
+    second = 2.0 * ((A.conjugate() * bend).real + abs(rise) ** 2 - I * turn - slope * slope)
+    third = 2.0 * (A0 * doubts.A_third + 3.0 * A1 * A2 + I0 * doubts.I_third + 3.0 * I1 * I2)
+    varies = w * (abs(first) + w * (0.5 * abs(second) + w * third / 6.0))
+    if abs(value) > varies + doubt:
         return EMPTY
-    if abs(slope) > w * (abs(bend) + 0.5 * w * third) + slope_doubt:
+    steep = doubts.A * A1 + doubts.A_slope * (A0 + doubts.A)
+    steep += doubts.I * I1 + doubts.I_slope * (I0 + doubts.I)
+    if abs(first) > w * (abs(second) + 0.5 * w * third) + 2.0 * steep:
         return ROOT
-    return CUT
+    # Within its error E is zero all over, if it does not leave it: halves tell no more.
+    return UNRESOLVED if abs(value) + varies <= doubt else CUT
 
 
 @inner
-def _value(E: Floats, x: float) -> float:
-    value = 0.0
-    for k in range(E.size - 1, -1, -1):
-        value = value * x + E[k]
-    return value
+def _value(room: _Room, x: float) -> float:
+    """Return E."""
+    A, I = 0.0 + 0.0j, 0.0
+    for k in range(room.I.size - 1, -1, -1):
+        A, I = A * x + room.A[k], I * x + room.I[k]
+    return (A.real * A.real + A.imag * A.imag) - I * I
 
 
 @inner
-def _refined(E: Floats, x: float, w: float) -> tuple[float, float]:
+def _doubt_at(room: _Room, x: float, doubts: _Doubts) -> float:
+    """Return the error of E."""
+    A, I = 0.0 + 0.0j, 0.0
+    for k in range(room.I.size - 1, -1, -1):
+        A, I = A * x + room.A[k], I * x + room.I[k]
+    return doubts.A * (2.0 * abs(A) + doubts.A) + doubts.I * (2.0 * abs(I) + doubts.I)
+
+
+@inner
+def _refined(room: _Room, x: float, w: float) -> tuple[float, float]:
     """Return the middle and the half width of a small interval around the only root of another."""
     low, high = x - w, x + w
-    rises = _value(E, high) > _value(E, low)
+    rises = _value(room, high) > _value(room, low)
     for _ in range(_HALVINGS):
         x = 0.5 * (low + high)
-        if (_value(E, x) > 0.0) == rises:
+        if (_value(room, x) > 0.0) == rises:
             high = x
         else:
             low = x
@@ -285,18 +357,21 @@ def _isolate(
     middles: Floats, halves: Floats, kinds: Integers,
 ) -> int:  # fmt: skip
     """List the intervals of a box in which roots are; return how many there are then, or -1."""
-    E, doubt, high, count = room.E, doubts.value, 1, 0
+    high, count = 1, 0
     room.middle[high - 1], room.half[high - 1] = 0.0, 1.0
     while high > 0 and count < _MOST:
         count += 1
         high -= 1
         x, w = room.middle[high], room.half[high]
-        kind = _state(E, x, w, doubts)
+        kind = _state(room, x, w, doubts)
         if kind == ROOT:
             # Strictly monotone: there is a root if the signs at the ends differ.
-            low, up = _value(E, x - w), _value(E, x + w)
-            if min(abs(low), abs(up)) > doubt and (low > 0.0) == (up > 0.0):
-                kind = EMPTY
+            low, up = _value(room, x - w), _value(room, x + w)
+            if (low > 0.0) == (up > 0.0):
+                # No more than one, if errors of the ends allow for one there.
+                sure = abs(low) > _doubt_at(room, x - w, doubts)
+                sure = sure and abs(up) > _doubt_at(room, x + w, doubts)
+                kind = EMPTY if sure else ROOT
         if kind == CUT and w > _FINEST and high + 2 < room.half.size:
             w *= 0.5
             room.middle[high], room.half[high] = x + w, w
@@ -307,7 +382,7 @@ def _isolate(
             if found >= kinds.size:
                 return -1
             if kind == ROOT:
-                x, w = _refined(E, x, w)
+                x, w = _refined(room, x, w)
             which[found], kinds[found] = box, (ROOT if kind == ROOT else UNRESOLVED)
             middles[found], halves[found] = x, w
             found += 1
@@ -315,9 +390,26 @@ def _isolate(
 
 
 @inner
-def _bounds(boxes: Boxes, i: int, s: float, room: _Room) -> _Doubts:
-    """Return the errors of what is known of E on a box, from a bound s of |S| on the disc."""
-    whole, minor = _fredholm(s)
+def _doubt(sizes: _Sizes, radius: float, room: _Room) -> tuple[float, float]:
+    """Return the errors of A and I on a disc."""
+    part = (radius / RADIUS) ** TERMS * RADIUS / (RADIUS - radius)
+    Q, R = _largest(room.Q, radius), _largest(room.R, radius)
+    g, h = _largest(room.g, radius), _largest(room.h, radius)
+    lost_Q, lost_R = part * sizes.Q + _ROUNDED * Q, part * sizes.R + _ROUNDED * R
+    lost_g, lost_h = part * sizes.g + _ROUNDED * g, part * sizes.h + _ROUNDED * h
+    both = (g + lost_g) * lost_R + lost_g * R + (h + lost_h) * lost_Q + lost_h * Q
+    return both, (Q + lost_Q) * lost_R + lost_Q * R
+
+
+@inner
+def _bounds(
+    boxes: Boxes, i: int, strength: tuple[float, float], divided: bool, room: _Room
+) -> _Doubts:
+    """Return the errors of what is known of E on a box, from bounds of S (`_fredholm`).
+
+    Where `divided`, A and I have been divided by ``x - root``.
+    """
+    whole, minor = _fredholm(*strength)
     alpha, still, beta = 0.0, 0.0, 0.0
     power = 1.0
     for l in range(TERMS):
@@ -328,26 +420,27 @@ def _bounds(boxes: Boxes, i: int, s: float, room: _Room) -> _Doubts:
     beta, alpha = beta + boxes.size[i, OF_BETA], alpha + boxes.size[i, OF_ALPHA]
     still += boxes.size[i, OF_ALPHA]
     along = whole + RADIUS * minor
-    # On |x| <= 1.5, half a radius around the box, for Cauchy's bound of derivatives.
-    part = 2.0 * (1.5 / RADIUS) ** TERMS
     force, level = alpha * along, still * along
-    lost_R, lost_h = part * force, part * level
-    lost_Q = part * (abs(boxes.Q[i]) * whole + RADIUS * beta * force)
-    lost_g = part * (abs(boxes.g[i]) * whole + RADIUS * beta * level)
-    Q, R = _largest(room.Q, 1.5), _largest(room.R, 1.5)
-    g, h = _largest(room.g, 1.5), _largest(room.h, 1.5)
-    lost_Q, lost_R = lost_Q + _ROUNDED * Q, lost_R + _ROUNDED * R
-    lost_g, lost_h = lost_g + _ROUNDED * g, lost_h + _ROUNDED * h
-    both = (g + lost_g) * lost_R + lost_g * R + (h + lost_h) * lost_Q + lost_h * Q
-    cross = (Q + lost_Q) * lost_R + lost_Q * R
-    doubt = both * (2.0 * (g * R + h * Q) + both) + cross * (2.0 * Q * R + cross)
-    third = 0.0
-    for k in range(3, room.E.size):
-        third += k * (k - 1.0) * (k - 2.0) * abs(room.E[k])
-    if boxes.end[i] != 0:
-        # Half a radius around the end the quotient is not larger than 1/0.5^2 times that.
-        doubt *= 4.0
-    return _Doubts(doubt, 2.0 * doubt, third)
+    sizes = _Sizes(
+        abs(boxes.Q[i]) * whole + RADIUS * beta * force, force,
+        abs(boxes.g[i]) * whole + RADIUS * beta * level, level,
+    )  # fmt: skip
+    of_A, of_I = _doubt(sizes, 1.0, room)
+    wide_A, wide_I = _doubt(sizes, _BEYOND, room)
+    if divided:
+        # Quotients are not larger than on a circle around the root.
+        wide_A, wide_I = wide_A / (_BEYOND - 1.0), wide_I / (_BEYOND - 1.0)
+        of_A, of_I = wide_A, wide_I
+    A_bend, A_third, I_bend, I_third = 0.0, 0.0, 0.0, 0.0
+    for k in range(2, room.I.size):
+        A_bend += k * (k - 1.0) * abs(room.A[k])
+        I_bend += k * (k - 1.0) * abs(room.I[k])
+        A_third += k * (k - 1.0) * (k - 2.0) * abs(room.A[k])
+        I_third += k * (k - 1.0) * (k - 2.0) * abs(room.I[k])
+    off = 1.0 / (_BEYOND - 1.0)
+    return _Doubts(
+        of_A, of_I, off * wide_A, off * wide_I, A_bend, I_bend, A_third, I_third
+    )
 
 
 @kernel
@@ -380,13 +473,16 @@ def isolate(
         np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
         np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
         np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
-        np.empty(2 * TERMS, np.complex128), np.empty(4 * TERMS), np.empty(_DEEP), np.empty(_DEEP),
+        np.empty(2 * TERMS, np.complex128), np.empty(2 * TERMS), np.empty(_DEEP), np.empty(_DEEP),
     )  # fmt: skip
     still, found = np.empty(TERMS, np.complex128), 0
     for i in range(states.size):
-        s = _strength(boxes.S[i]) + boxes.size[i, OF_S]
-        states[i] = EMPTY if s <= STRONG else CUT
-        if not s <= STRONG:
+        r, s = _strength(boxes.S[i], False)
+        if not s + boxes.size[i, OF_S] <= STRONG:
+            r, s = _strength(boxes.S[i], True)
+        s += boxes.size[i, OF_S]
+        states[i] = EMPTY if s <= STRONG and r <= SINGULAR else CUT
+        if states[i] == CUT:
             continue
         for k in range(TERMS):
             still[k] = boxes.still[i, k]
@@ -402,10 +498,16 @@ def isolate(
         _times(room.D, room.g)
         _times(room.D, room.h)
         _set_equation(room)
+        # Where D is zero, or at an end at which both forms are the same, A and I are zero, too.
+        pole, zero = _pole(room.D)
         if boxes.end[i] != 0:
-            _divide(room.E, boxes.end[i])
-            _divide(room.E, boxes.end[i])
-        doubts = _bounds(boxes, i, s, room)
+            pole, zero = (CUT if pole != EMPTY else ROOT), float(boxes.end[i])
+        if pole == CUT:
+            states[i] = CUT
+            continue
+        if pole == ROOT:
+            _divide(room.A, room.I, zero)
+        doubts = _bounds(boxes, i, (r, s), pole == ROOT, room)
         more = _isolate(i, doubts, room, found, which, middles, halves, kinds)
         if more < 0:
             states[i] = FULL

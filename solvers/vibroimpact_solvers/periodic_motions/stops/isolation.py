@@ -21,7 +21,8 @@ _LEFT_OUT: Final = 1e-6
 """Part of a polynomial's size that its terms leave out on the disc, above which a box is cut
 without a look at matrices."""
 _MOST: Final = 20_000  # boxes of a frequency
-_FINEST: Final = 1e-9  # of the period
+_FINEST: Final = 1e-8  # of the period
+_DOUBTFUL: Final = 1e-6  # of the period: boxes in which roots stay unresolved are not smaller
 _ROOM: Final = 64  # roots of a box
 
 
@@ -185,6 +186,10 @@ def _roots(
     states = np.empty(count, dtype=np.int64)
     found = durations.isolate(boxes, which, middles, halves, kinds, states)
     of = which[:found]
+    # Smaller boxes tell more, until rounding is all that is left.
+    large = half > _DOUBTFUL * cells.length[motions.index]
+    doubtful = of[kinds[:found] == UNRESOLVED]
+    states[doubtful[large[doubtful]]] = CUT
     good = (states == EMPTY)[of]
     of = of[good]
     d = motions.d[of] + half[of] * middles[:found][good]
