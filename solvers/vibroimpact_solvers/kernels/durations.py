@@ -13,8 +13,8 @@ Fredholm's determinant D all of them are entire functions of x. With ``|S| <= s`
 
     |D| <= sum (s RADIUS)^n n^(n/2) / n! ,
 
-and Cauchy's inequality what their Taylor polynomials of the degree `TERMS` - 1 leave out on the box: this
-proves where the polynomial of E shows no root, or exactly one.
+and Cauchy's inequality what their Taylor polynomials of the degree `TERMS` - 1 leave out on the
+box: this proves where the polynomial of E shows no root, or exactly one.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class _Room(NamedTuple):
     g: Complexes
     h: Complexes
     A: Complexes  # (2 TERMS,): g R* - h Q*
-    I: Floats  # (2 TERMS,): Im(Q* R)
+    B: Floats  # (2 TERMS,): Im(Q* R)
     middle: Floats  # (_DEEP,): of intervals that are left to examine
     half: Floats  # (_DEEP,): their half widths
 
@@ -99,16 +99,16 @@ class _Sizes(NamedTuple):
 
 
 class _Doubts(NamedTuple):
-    """Errors of A, I and their derivatives on a box, and bounds of their second and third ones."""
+    """Errors of A, B and their derivatives on a box, and bounds of their second and third ones."""
 
     A: float
-    I: float
+    B: float
     A_slope: float
-    I_slope: float
+    B_slope: float
     A_bend: float
-    I_bend: float
+    B_bend: float
     A_third: float
-    I_third: float
+    B_third: float
 
 
 @inner
@@ -123,20 +123,20 @@ def _solve(S: Floats, right: Complexes, diagonal: bool, room: _Room) -> None:
             moments[j, k] = turned[j, k] = 0.0
     for k in range(TERMS):
         for j in range(k):
-            # the power k of x in m_j takes s^l with l = k - j - 1 at t^0, and what m has before
+            # the power k of x in m_j takes s^l with n = k - j - 1 at t^0, and what m has before
             total = 0.0 + 0.0j
             if not diagonal:
                 total = right[k - j - 1] / k
-            for l in range(k - j):
+            for n in range(k - j):
                 if diagonal:
-                    total += S[l, k - j - 1 - l] / (j + l + 1.0)
-                total -= turned[l, k - j - l - 1] / (j + l + 1.0)
+                    total += S[n, k - j - 1 - n] / (j + n + 1.0)
+                total -= turned[n, k - j - n - 1] / (j + n + 1.0)
             moments[j, k] = total
-        for l in range(TERMS - k):
+        for n in range(TERMS - k):
             total = 0.0 + 0.0j
             for i in range(k):
-                total += S[l, i] * moments[i, k]
-            turned[l, k] = total
+                total += S[n, i] * moments[i, k]
+            turned[n, k] = total
 
 
 @inner
@@ -144,8 +144,8 @@ def _set_end(right: Complexes, room: _Room, out: Complexes) -> None:
     """Fill in the force at the end, ``right(x) - integral S(x, t) f(t) dt``."""
     for k in range(TERMS):
         total = right[k]
-        for l in range(k + 1):
-            total -= room.turned[l, k - l]
+        for n in range(k + 1):
+            total -= room.turned[n, k - n]
         out[k] = total
 
 
@@ -175,8 +175,8 @@ def _set_determinant(S: Floats, room: _Room) -> None:
     _solve(S, room.D, True, room)
     for k in range(TERMS):
         total = 0.0 + 0.0j
-        for l in range(k + 1):
-            total += S[l, k - l] - room.turned[l, k - l]
+        for n in range(k + 1):
+            total += S[n, k - n] - room.turned[n, k - n]
         room.t[k] = total
     for k in range(TERMS):
         total = 0.0 + 0.0j
@@ -205,13 +205,13 @@ def _strength(S: Floats, apart: bool) -> tuple[float, float]:
     first = 0
     whole = S[first, first]
     total, outer, before, after = 0.0, 1.0, 0.0, 0.0
-    for l in range(TERMS):
+    for n in range(TERMS):
         power = outer
-        before += abs(S[l, first]) * outer
-        after += abs(S[first, l]) * outer
+        before += abs(S[n, first]) * outer
+        after += abs(S[first, n]) * outer
         for j in range(TERMS):
-            taken = S[l, first] * S[first, j] / whole if apart else 0.0
-            total += abs(S[l, j] - taken) * power
+            taken = S[n, first] * S[first, j] / whole if apart else 0.0
+            total += abs(S[n, j] - taken) * power
             power *= RADIUS
         outer *= RADIUS
     return (before * after / abs(whole) if apart else 0.0), total
@@ -238,43 +238,43 @@ def _fredholm(r: float, s: float) -> tuple[float, float]:
 
 @inner
 def _set_equation(room: _Room) -> None:
-    """Fill in the polynomials of A and I."""
-    A, I = room.A, room.I
+    """Fill in the polynomials of A and B."""
+    A, B = room.A, room.B
     for k in range(A.size):
-        A[k], I[k] = 0.0, 0.0
+        A[k], B[k] = 0.0, 0.0
     for j in range(TERMS):
         for k in range(TERMS):
             A[j + k] += room.g[j] * room.R[k].conjugate() - room.h[j] * room.Q[k].conjugate()
-            I[j + k] += (room.Q[j].conjugate() * room.R[k]).imag
+            B[j + k] += (room.Q[j].conjugate() * room.R[k]).imag
 
 
 @inner
-def _divide(A: Complexes, I: Floats, root: float) -> None:
-    """Divide A and I by ``x - root``, where both are zero."""
+def _divide(A: Complexes, B: Floats, root: float) -> None:
+    """Divide A and B by ``x - root``, where both are zero."""
     # A_k = q_(k-1) - root q_k, from the high end, where coefficients are small.
     above, higher = 0.0 + 0.0j, 0.0
     for k in range(A.size - 1, -1, -1):
-        here, there = A[k], I[k]
-        A[k], I[k] = above, higher
+        here, there = A[k], B[k]
+        A[k], B[k] = above, higher
         above, higher = here + root * above, there + root * higher
 
 
 @inner
-def _pole(D: Complexes) -> tuple[int, float]:
+def _pole(c: Complexes) -> tuple[int, float]:
     """Return whether the determinant has a root in the box, one at most, and where.
 
     `EMPTY`, `ROOT`, or `CUT` where there may be more.
     """
     other, bends, low, high = 0.0, 0.0, 0.0, 0.0
     for k in range(TERMS - 1, -1, -1):
-        low, high = D[k].real - low, D[k].real + high
+        low, high = c[k].real - low, c[k].real + high
         if k > 0:
-            other += abs(D[k])
+            other += abs(c[k])
         if k > 1:
-            bends += k * abs(D[k])
-    if abs(D[0]) > other:
+            bends += k * abs(c[k])
+    if abs(c[0]) > other:
         return EMPTY, 0.0
-    if abs(D[1]) <= bends:
+    if abs(c[1]) <= bends:
         return CUT, 0.0
     if (low > 0.0) == (high > 0.0):
         return EMPTY, 0.0
@@ -282,7 +282,7 @@ def _pole(D: Complexes) -> tuple[int, float]:
     for _ in range(2 * _HALVINGS):
         x, value = 0.5 * (left + right), 0.0
         for k in range(TERMS - 1, -1, -1):
-            value = value * x + D[k].real
+            value = value * x + c[k].real
         if (value > 0.0) == (high > 0.0):
             right = x
         else:
@@ -294,25 +294,25 @@ def _pole(D: Complexes) -> tuple[int, float]:
 def _state(room: _Room, x: float, w: float, doubts: _Doubts) -> int:
     """Return what is proved of the roots of E in ``[x - w, x + w]``."""
     A, rise, bend = 0.0 + 0.0j, 0.0 + 0.0j, 0.0 + 0.0j
-    I, slope, turn = 0.0, 0.0, 0.0
-    for k in range(room.I.size - 1, -1, -1):
+    B, slope, turn = 0.0, 0.0, 0.0
+    for k in range(room.B.size - 1, -1, -1):
         bend, rise, A = bend * x + 2.0 * rise, rise * x + A, A * x + room.A[k]
-        turn, slope, I = turn * x + 2.0 * slope, slope * x + I, I * x + room.I[k]
-    # Bounds of A, I and their first three derivatives in the interval.
-    A2, I2 = abs(bend) + w * doubts.A_third, abs(turn) + w * doubts.I_third
-    A2, I2 = min(A2, doubts.A_bend), min(I2, doubts.I_bend)
-    A1, I1 = abs(rise) + w * A2, abs(slope) + w * I2
-    A0, I0 = abs(A) + w * A1, abs(I) + w * I1
-    doubt = doubts.A * (2.0 * A0 + doubts.A) + doubts.I * (2.0 * I0 + doubts.I)
-    value = (A.real * A.real + A.imag * A.imag) - I * I
-    first = 2.0 * ((A.conjugate() * rise).real - I * slope)
-    second = 2.0 * ((A.conjugate() * bend).real + abs(rise) ** 2 - I * turn - slope * slope)
-    third = 2.0 * (A0 * doubts.A_third + 3.0 * A1 * A2 + I0 * doubts.I_third + 3.0 * I1 * I2)
+        turn, slope, B = turn * x + 2.0 * slope, slope * x + B, B * x + room.B[k]
+    # Bounds of A, B and their first three derivatives in the interval.
+    A2, B2 = abs(bend) + w * doubts.A_third, abs(turn) + w * doubts.B_third
+    A2, B2 = min(A2, doubts.A_bend), min(B2, doubts.B_bend)
+    A1, B1 = abs(rise) + w * A2, abs(slope) + w * B2
+    A0, B0 = abs(A) + w * A1, abs(B) + w * B1
+    doubt = doubts.A * (2.0 * A0 + doubts.A) + doubts.B * (2.0 * B0 + doubts.B)
+    value = (A.real * A.real + A.imag * A.imag) - B * B
+    first = 2.0 * ((A.conjugate() * rise).real - B * slope)
+    second = 2.0 * ((A.conjugate() * bend).real + abs(rise) ** 2 - B * turn - slope * slope)
+    third = 2.0 * (A0 * doubts.A_third + 3.0 * A1 * A2 + B0 * doubts.B_third + 3.0 * B1 * B2)
     varies = w * (abs(first) + w * (0.5 * abs(second) + w * third / 6.0))
     if abs(value) > varies + doubt:
         return EMPTY
     steep = doubts.A * A1 + doubts.A_slope * (A0 + doubts.A)
-    steep += doubts.I * I1 + doubts.I_slope * (I0 + doubts.I)
+    steep += doubts.B * B1 + doubts.B_slope * (B0 + doubts.B)
     if abs(first) > w * (abs(second) + 0.5 * w * third) + 2.0 * steep:
         return ROOT
     # Within its error E is zero all over, if it does not leave it: halves tell no more.
@@ -322,19 +322,19 @@ def _state(room: _Room, x: float, w: float, doubts: _Doubts) -> int:
 @inner
 def _value(room: _Room, x: float) -> float:
     """Return E."""
-    A, I = 0.0 + 0.0j, 0.0
-    for k in range(room.I.size - 1, -1, -1):
-        A, I = A * x + room.A[k], I * x + room.I[k]
-    return (A.real * A.real + A.imag * A.imag) - I * I
+    A, B = 0.0 + 0.0j, 0.0
+    for k in range(room.B.size - 1, -1, -1):
+        A, B = A * x + room.A[k], B * x + room.B[k]
+    return (A.real * A.real + A.imag * A.imag) - B * B
 
 
 @inner
 def _doubt_at(room: _Room, x: float, doubts: _Doubts) -> float:
     """Return the error of E."""
-    A, I = 0.0 + 0.0j, 0.0
-    for k in range(room.I.size - 1, -1, -1):
-        A, I = A * x + room.A[k], I * x + room.I[k]
-    return doubts.A * (2.0 * abs(A) + doubts.A) + doubts.I * (2.0 * abs(I) + doubts.I)
+    A, B = 0.0 + 0.0j, 0.0
+    for k in range(room.B.size - 1, -1, -1):
+        A, B = A * x + room.A[k], B * x + room.B[k]
+    return doubts.A * (2.0 * abs(A) + doubts.A) + doubts.B * (2.0 * abs(B) + doubts.B)
 
 
 @inner
@@ -391,7 +391,7 @@ def _isolate(
 
 @inner
 def _doubt(sizes: _Sizes, radius: float, room: _Room) -> tuple[float, float]:
-    """Return the errors of A and I on a disc."""
+    """Return the errors of A and B on a disc."""
     part = (radius / RADIUS) ** TERMS * RADIUS / (RADIUS - radius)
     Q, R = _largest(room.Q, radius), _largest(room.R, radius)
     g, h = _largest(room.g, radius), _largest(room.h, radius)
@@ -407,15 +407,15 @@ def _bounds(
 ) -> _Doubts:
     """Return the errors of what is known of E on a box, from bounds of S (`_fredholm`).
 
-    Where `divided`, A and I have been divided by ``x - root``.
+    Where `divided`, A and B have been divided by ``x - root``.
     """
     whole, minor = _fredholm(*strength)
     alpha, still, beta = 0.0, 0.0, 0.0
     power = 1.0
-    for l in range(TERMS):
-        alpha += abs(boxes.alpha[i, l]) * power
-        still += abs(boxes.still[i, l]) * power
-        beta += abs(boxes.beta[i, l]) * power
+    for n in range(TERMS):
+        alpha += abs(boxes.alpha[i, n]) * power
+        still += abs(boxes.still[i, n]) * power
+        beta += abs(boxes.beta[i, n]) * power
         power *= RADIUS
     beta, alpha = beta + boxes.size[i, OF_BETA], alpha + boxes.size[i, OF_ALPHA]
     still += boxes.size[i, OF_ALPHA]
@@ -425,22 +425,20 @@ def _bounds(
         abs(boxes.Q[i]) * whole + RADIUS * beta * force, force,
         abs(boxes.g[i]) * whole + RADIUS * beta * level, level,
     )  # fmt: skip
-    of_A, of_I = _doubt(sizes, 1.0, room)
-    wide_A, wide_I = _doubt(sizes, _BEYOND, room)
+    of_A, of_B = _doubt(sizes, 1.0, room)
+    wide_A, wide_B = _doubt(sizes, _BEYOND, room)
     if divided:
         # Quotients are not larger than on a circle around the root.
-        wide_A, wide_I = wide_A / (_BEYOND - 1.0), wide_I / (_BEYOND - 1.0)
-        of_A, of_I = wide_A, wide_I
-    A_bend, A_third, I_bend, I_third = 0.0, 0.0, 0.0, 0.0
-    for k in range(2, room.I.size):
+        wide_A, wide_B = wide_A / (_BEYOND - 1.0), wide_B / (_BEYOND - 1.0)
+        of_A, of_B = wide_A, wide_B
+    A_bend, A_third, B_bend, B_third = 0.0, 0.0, 0.0, 0.0
+    for k in range(2, room.B.size):
         A_bend += k * (k - 1.0) * abs(room.A[k])
-        I_bend += k * (k - 1.0) * abs(room.I[k])
+        B_bend += k * (k - 1.0) * abs(room.B[k])
         A_third += k * (k - 1.0) * (k - 2.0) * abs(room.A[k])
-        I_third += k * (k - 1.0) * (k - 2.0) * abs(room.I[k])
+        B_third += k * (k - 1.0) * (k - 2.0) * abs(room.B[k])
     off = 1.0 / (_BEYOND - 1.0)
-    return _Doubts(
-        of_A, of_I, off * wide_A, off * wide_I, A_bend, I_bend, A_third, I_third
-    )
+    return _Doubts(of_A, of_B, off * wide_A, off * wide_B, A_bend, B_bend, A_third, B_third)
 
 
 @kernel
@@ -498,7 +496,7 @@ def isolate(
         _times(room.D, room.g)
         _times(room.D, room.h)
         _set_equation(room)
-        # Where D is zero, or at an end at which both forms are the same, A and I are zero, too.
+        # Where D is zero, or at an end at which both forms are the same, A and B are zero, too.
         pole, zero = _pole(room.D)
         if boxes.end[i] != 0:
             pole, zero = (CUT if pole != EMPTY else ROOT), float(boxes.end[i])
@@ -506,7 +504,7 @@ def isolate(
             states[i] = CUT
             continue
         if pole == ROOT:
-            _divide(room.A, room.I, zero)
+            _divide(room.A, room.B, zero)
         doubts = _bounds(boxes, i, (r, s), pole == ROOT, room)
         more = _isolate(i, doubts, room, found, which, middles, halves, kinds)
         if more < 0:

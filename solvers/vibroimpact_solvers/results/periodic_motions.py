@@ -72,7 +72,8 @@ class Result:
             "ImpactErrors", "Absolute errors of columns of the impacts.", together=False
         ),
         "error/contact": Group(
-            "SolutionContactErrors", "Absolute errors of columns of the contact phases.",
+            "SolutionContactErrors",
+            "Absolute errors of columns of the contact phases.",
             together=False,
         ),
     }
@@ -365,7 +366,9 @@ class Result:
     ]
     error_contact_peak_force: Annotated[
         Floats | None,
-        _error("contact/peak_force", "mass length time-2", "largest force", "contact", **_NO_NUMBER),
+        _error(
+            "contact/peak_force", "mass length time-2", "largest force", "contact", **_NO_NUMBER
+        ),
     ]
     error_contact_velocity: Annotated[
         Floats | None,
@@ -377,7 +380,9 @@ class Result:
     ]
     error_contact_energy_lost: Annotated[
         Floats | None,
-        _error("contact/energy_lost", "mass length2 time-2", "energy lost", "contact", **_NO_NUMBER),
+        _error(
+            "contact/energy_lost", "mass length2 time-2", "energy lost", "contact", **_NO_NUMBER
+        ),
     ]
     error_stability: Annotated[
         Floats | None, _error("solution/stability", "1", "largest modulus", _ALL, **_NO_NUMBER)

@@ -110,7 +110,9 @@ def solved(case: Case) -> tuple[driven.Result, list[tuple[Any, Any, float, float
     result = driven.solve(problem, driven.plan(problem))
     phases = Phases.of(problem, spectrum.choose(problem.system))
     cells = Cells.of(phases, problem)
-    found = joined([solutions(phases, cells, s, isolated(phases, cells, s)) for s in starts(phases)])
+    found = joined(
+        [solutions(phases, cells, s, isolated(phases, cells, s)) for s in starts(phases)]
+    )
     order = np.lexsort((found.d, found.index))
     states = []
     for k in order.tolist():
@@ -135,7 +137,6 @@ def test_motions_return(seed: int) -> None:
         row = first + k
         contact = int(np.flatnonzero(result.contact_solution == row)[0])
         until = 0.5 * T if case.symmetric else T
-        # It begins a little before the contact, and ends a little after the next one has begun.
         if not result.solution_exists[row]:
             continue
         motion = case.follow(x, v, phase, until * (1.0 - 1e-9))
@@ -148,7 +149,7 @@ def test_motions_return(seed: int) -> None:
         growth = 1e3 * max(1.0, float(result.error_x_max[row].max()))  # type: ignore[index]
         error = float(result.error_contact_duration[contact])
         assert abs(ends - d) <= 4.0 * error + growth * 1e-15 * T
-        z = motion.motion.states[-1]
+        z = motion.z
         n = len(case.M)
         sign = -1.0 if case.symmetric else 1.0
         back = np.array([float(z[i, 0]) for i in range(2 * n)])
@@ -192,9 +193,7 @@ def direct(case: Case, d: float, regained: bool) -> tuple[float, float, Any, Any
         A = np.zeros((2 * n + 3, 2 * n + 3))
         A[:n, n : 2 * n] = np.eye(n)
         A[n : 2 * n, :n] = -inverse @ (case.K + loaded * case.stiffness * np.outer(row, row))
-        A[n : 2 * n, n : 2 * n] = -inverse @ (
-            case.C + loaded * case.damping * np.outer(row, row)
-        )
+        A[n : 2 * n, n : 2 * n] = -inverse @ (case.C + loaded * case.damping * np.outer(row, row))
         A[n : 2 * n, 2 * n] = inverse @ case.force
         A[2 * n, 2 * n + 1], A[2 * n + 1, 2 * n] = -case.Omega, case.Omega
         A[n : 2 * n, -1] = inverse @ row * loaded * case.stiffness * case.wall
@@ -206,7 +205,9 @@ def direct(case: Case, d: float, regained: bool) -> tuple[float, float, Any, Any
     top = np.linalg.solve(sign * np.eye(2 * n) - period[: 2 * n, : 2 * n], period[: 2 * n, 2 * n :])
     start = np.vstack([top, np.eye(3)])
     dent = np.concatenate([row, np.zeros(n + 2), [-case.wall]])
-    force = np.concatenate([case.stiffness * row, case.damping * row, [0, 0, -case.stiffness * case.wall]])
+    force = np.concatenate(
+        [case.stiffness * row, case.damping * row, [0, 0, -case.stiffness * case.wall]]
+    )
     q, r = (force if regained else dent) @ start, force @ flow @ start
     Q, R = q[0] - 1j * q[1], r[0] - 1j * r[1]
     A, across = q[2] * R.conjugate() - r[2] * Q.conjugate(), (Q.conjugate() * R).imag
@@ -285,12 +286,10 @@ def test_multipliers_by_differences() -> None:
     n, T = len(case.M), 2.0 * math.pi / case.Omega
     # Between contacts, where deviations do not reach a switching.
     back = 0.02 * T
-    load = (case.force, phase)
     A = np.block([
         [np.zeros((n, n)), np.eye(n)],
         [-np.linalg.solve(case.M, case.K), -np.linalg.solve(case.M, case.C)],
     ])  # fmt: skip
-    assert load[1] == phase
     H = np.linalg.solve(case.K - case.Omega**2 * case.M + 1j * case.Omega * case.C, case.force)
     steady = np.concatenate([H, 1j * case.Omega * H])
 
@@ -304,7 +303,7 @@ def test_multipliers_by_differences() -> None:
         for size in (1e-7, -1e-7):
             z = start + size * direction
             motion = case.follow(z[:n], z[n:], phase - case.Omega * back, T)
-            ends.append([float(motion.motion.states[-1][i, 0]) for i in range(2 * n)])
+            ends.append([float(motion.z[i, 0]) for i in range(2 * n)])
         columns.append((np.array(ends[0]) - np.array(ends[1])) / 2e-7)
     expected = np.linalg.eigvals(np.array(columns).T)
     assert result.multipliers_real is not None
@@ -321,9 +320,7 @@ def cantilever(count: int, wall: float, stiffness: float) -> System:
     roots += [(2 * j - 1) * math.pi / 2.0 for j in range(5, count + 1)]
     squares = np.array(roots[:count]) ** 4 * 100.0 / 0.8
     tips = 2.0 / math.sqrt(0.8) * (-1.0) ** np.arange(count)
-    stop = Constraint(
-        tuple(range(count)), tuple(tips.tolist()), None, wall, law=Linear(stiffness)
-    )
+    stop = Constraint(tuple(range(count)), tuple(tips.tolist()), None, wall, law=Linear(stiffness))
     ratio = 0.02 / math.sqrt(squares[0])
     C = 2.0 * ratio * squares * 0.5
     one = np.ones(count)
@@ -334,13 +331,13 @@ def cantilever(count: int, wall: float, stiffness: float) -> System:
 
 
 def test_a_cantilever_converges() -> None:
-    """Durations of contacts converge as modes are added, the differences as the cube of their number."""
+    """Durations of contacts converge as modes are added."""
     found = []
     for count in (3, 5, 8, 12, 20):
         system = cantilever(count, 0.01, 1e4)
         tips = np.asarray(system.constraints[0].weights)
         load = (driven.Force(tuple(range(count)), tuple(tips.tolist()), 3.0),)
-        Omega = np.array([1.2 * math.sqrt(float(system.K.data[0]))])
+        Omega = np.array([1.2 * 1.875104068711961**2 * math.sqrt(100.0 / 0.8)])
         problem = driven.Problem(system, Omega, load)
         result = driven.solve(problem, driven.plan(problem))
         assert result.solution_exists is not None
@@ -355,14 +352,12 @@ def test_a_cantilever_converges() -> None:
 
 def test_rigid_limit() -> None:
     """A stiffer stop tends to an elastic impact, as its stiffness to the power of -1/2."""
-    case = replace(
-        Case.random(5, largest=3), damping=0.0, symmetric=False, side=1, stiffness=1e6
-    )
+    case = replace(Case.random(5, largest=3), damping=0.0, symmetric=False, side=1, stiffness=1e6)
     H = np.linalg.solve(case.K - case.Omega**2 * case.M + 1j * case.Omega * case.C, case.force)
     case = replace(case, wall=0.6 * float(abs(case.row @ H)))
     problem = case.problem(frozenset({"extremes", "exists"}))
     (stop,) = problem.system.constraints
-    rigid = replace(stop, law=None) if False else Constraint(stop.dofs, stop.weights, None, case.wall)
+    rigid = Constraint(stop.dofs, stop.weights, None, case.wall)
     other = replace(problem.system, constraints=(rigid,))
     limit = driven.solve(
         hard := driven.Problem(other, problem.Omega, problem.load), driven.plan(hard)
@@ -378,7 +373,10 @@ def test_rigid_limit() -> None:
         near = np.flatnonzero(np.abs(result.contact_duration - short) < 0.2 * short)
         assert near.size
         apart.append(
-            min(abs(float(result.contact_impulse[near[0]]) - float(p)) for p in limit.impact_momentum)
+            min(
+                abs(float(result.contact_impulse[near[0]]) - float(p))
+                for p in limit.impact_momentum
+            )
         )
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.1)
 
@@ -398,16 +396,15 @@ def test_refusals() -> None:
         with pytest.raises(ModelError) as caught:
             driven.Problem(system, problem.Omega, **given)
         assert caught.value.pointer == pointer
-    mixed = replace(
-        system, constraints=(*system.constraints, Constraint((0,), (1.0,), None, 1e9))
-    )
+    mixed = replace(system, constraints=(*system.constraints, Constraint((0,), (1.0,), None, 1e9)))
     with pytest.raises(ModelError, match="rigid stops beside"):
         driven.Problem(mixed, problem.Omega, problem.load)
     with pytest.raises(ModelError, match="branches is computed with rigid stops") as caught:
         branches.Problem(lambda _: problem, 1.0, 2.0, system)
     assert caught.value.pointer[:2] == ("base", "system")
     free = replace(system, K=SymmetricMatrix.dense(0.0 * case.K), force=np.ones(len(case.M)))
+    falling = driven.Problem(free, problem.Omega, problem.load, sequence=(impact,))
+    plan = driven.plan(falling)
     with pytest.raises(ModelError) as caught:
-        falling = driven.Problem(free, problem.Omega, problem.load, sequence=(impact,))
-        driven.solve(falling, driven.plan(falling))
+        driven.solve(falling, plan)
     assert caught.value.pointer == ("system", "force")

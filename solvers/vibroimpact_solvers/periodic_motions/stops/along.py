@@ -58,7 +58,9 @@ class Part:
         """Return whole states, with the steady response, at times, (time, 2 pair)."""
         flow = self.side.propagators(times)
         moved = relaxed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
-        return np.asarray(moved + (np.exp(1j * times[:, np.newaxis] * self.rates) @ self.steady).real)
+        return np.asarray(
+            moved + (np.exp(1j * times[:, np.newaxis] * self.rates) @ self.steady).real
+        )
 
     def drift(self, times: Floats) -> Floats:
         """Return the rates of whole states, (time, 2 pair)."""
@@ -100,9 +102,10 @@ class Part:
         sizes = np.abs(self.state) + np.abs(self.steady).sum(axis=0)
         lengths = np.hypot(form[:, :n], form[:, n:])
         rounded = self.side.shape_error + _ROUNDED * EPS
-        late = 2.0 * EPS * self.length * (np.abs(form) @ (np.abs(self.steady).T * self.rates).sum(1))
+        late = (
+            2.0 * EPS * self.length * (np.abs(form) @ (np.abs(self.steady).T * self.rates).sum(1))
+        )
         return np.asarray(np.sqrt(lengths**2 @ error**2) + rounded * np.abs(form) @ sizes + late)
-
 
     @classmethod
     def at_entry(cls, phases: Phases, cells: Cells, solved: Solutions, k: int) -> Part:

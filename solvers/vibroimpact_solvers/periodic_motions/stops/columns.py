@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats, Integers, along, nothing
+from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
 from vibroimpact_solvers.periodic_motions.columns import multiplier_columns
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -16,7 +16,7 @@ from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.multipliers import multipliers
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells, apply
+from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Result
@@ -338,6 +338,3 @@ def _contacts(rows: list[Columns], owner: Integers) -> Columns:
         errors = [row[f"error_{name}"] for row in rows]
         table[f"error_contact_{name}"] = np.array(errors, dtype=np.float64)
     return table
-
-
-__all__ = ["Columns", "merged", "no_impacts", "nothing", "of", "of_linear"]

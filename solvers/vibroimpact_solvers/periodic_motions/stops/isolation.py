@@ -130,16 +130,21 @@ def _cut(
 
 def _tails(x: Floats) -> Floats:
     """Return bounds of what the first terms of an exponential series leave out."""
-    with np.errstate(over="ignore"):
-        return np.asarray(np.exp(TERMS * np.log(np.maximum(x, 1e-300)) - _LOG + x))
+    return _grown(TERMS * np.log(np.maximum(x, 1e-300)) - _LOG + x)
+
+
+def _grown(x: Floats) -> Floats:
+    """Return exponentials whose products and squares are still numbers."""
+    return np.asarray(np.exp(np.minimum(x, _STEEP)))
 
 
 _LOG: Final = math.lgamma(TERMS + 1.0)
+_STEEP: Final = 150.0  # exponent beyond which boxes are cut anyway
 
 
 def _sizes(side: Side, times: Floats, form: Floats) -> Floats:
     """Return the sizes of a form or a state by pairs after a flow, (motion, pair)."""
-    n, grows = side.size, np.exp(np.clip(side.growth * times[:, np.newaxis], -700.0, 700.0))
+    n, grows = side.size, _grown(np.maximum(side.growth * times[:, np.newaxis], -_STEEP))
     pairs = side.pairs
     lengths = np.hypot(form[:n], form[n:])
     grows[:, pairs.parabolas] *= 1.0 + times[:, np.newaxis]
@@ -147,9 +152,7 @@ def _sizes(side: Side, times: Floats, form: Floats) -> Floats:
     return np.asarray(np.sqrt(2.0) * lengths * grows * alive)
 
 
-def _leaves_out(
-    phases: Phases, cells: Cells, index: Integers, d: Floats, half: Floats
-) -> Floats:
+def _leaves_out(phases: Phases, cells: Cells, index: Integers, d: Floats, half: Floats) -> Floats:
     """Return which boxes are too long for polynomials of what moves in them."""
     a = phases.impact.constraint
     reach = RADIUS * half[:, np.newaxis]
@@ -254,8 +257,7 @@ def _remainders(
 
     u = np.sqrt(2.0) * np.hypot(motions.u[:, :n], motions.u[:, n:])
     v = np.sqrt(2.0) * np.hypot(motions.v[:, :m], motions.v[:, m:])
-    with np.errstate(over="ignore"):
-        u_all, v_all = norm(u * np.exp(x0)), norm(v * np.exp(x1))
+    u_all, v_all = norm(u * _grown(x0)), norm(v * _grown(x1))
     u_tail, v_tail = norm(u * _tails(x0)), norm(v * _tails(x1))
     inverse = np.linalg.norm(motions.inverse, axis=(1, 2)) if n else np.zeros(half.size)
     S = phases.carried * inverse * half * (v_tail * u_all + v_all * u_tail)

@@ -95,7 +95,7 @@ class Linear:
         )  # fmt: skip
 
     def multipliers(self) -> tuple[Complexes, Floats]:
-        """Return all multipliers over a period by descending modulus, and errors, (frequency, …)."""
+        """Return all multipliers over a period by descending modulus, and their errors."""
         pairs, T = self.side.pairs, self.cells.length[:, np.newaxis]
         own = pairs.moving
         alpha, nu = pairs.alpha[own].astype(np.complex128), pairs.nu[own].astype(np.complex128)
@@ -104,7 +104,9 @@ class Linear:
         rates = np.concatenate([alpha + nu, alpha - nu])
         values = np.exp(rates * T)
         drift = np.concatenate([pairs.drift[own], pairs.drift[own]])
-        errors = np.abs(values) * (drift * T + 4.0 * np.finfo(float).eps * (1.0 + np.abs(rates) * T))
+        errors = np.abs(values) * (
+            drift * T + 4.0 * np.finfo(float).eps * (1.0 + np.abs(rates) * T)
+        )
         order = np.lexsort((-values.imag, -np.round(np.abs(values), 14)), axis=1)
         row = np.arange(len(values))[:, np.newaxis]
         return values[row, order], errors[row, order]

@@ -23,9 +23,7 @@ _SAMPLED: Final = 4.0  # errors over the root of the sum of squares of independe
 _ROUNDED: Final = 8.0
 
 
-def multipliers(
-    phases: Phases, cells: Cells, solved: Solutions
-) -> tuple[Complexes, Floats]:
+def multipliers(phases: Phases, cells: Cells, solved: Solutions) -> tuple[Complexes, Floats]:
     """Return all multipliers over a period by descending modulus, and their errors.
 
     Both have shape (solution, multiplier); of conjugate ones that with positive imaginary part

@@ -142,9 +142,7 @@ class Phases:
             Where a constant load moves a free body.
         """
         (impact,) = problem.impacts
-        structure = Structure.of(
-            problem.system, method, 2.0 * math.pi / float(problem.Omega[0])
-        )
+        structure = Structure.of(problem.system, method, 2.0 * math.pi / float(problem.Omega[0]))
         stopped = StoppedModes(structure)
         side = ((impact.constraint, impact.side),)
         harmonics, powers, forces = load_of(problem)
@@ -213,9 +211,7 @@ def _side(
     )  # fmt: skip
 
 
-def _passage(
-    before: Placed, one: Side, after: Placed, other: Side
-) -> tuple[Floats, Floats]:
+def _passage(before: Placed, one: Side, after: Placed, other: Side) -> tuple[Floats, Floats]:
     """Return how states carry over: ``matrix z + offset``, displacements being unchanged."""
     turn = after.vectors.T @ before.vectors
     still = turn @ one.basis.still

@@ -44,9 +44,7 @@ def steps(problem: Problem) -> Iterator[Step]:
     rows = (2.0 + _ROOTS) * count
     contacts = (1.0 + _ROOTS) * count
     cell = "half of the period" if problem.symmetric else "the period"
-    reason = (
-        f"one contact in {cell}: all durations are roots of one equation, isolated with bounds"
-    )
+    reason = f"one contact in {cell}: all durations are roots of one equation, isolated with bounds"
     written = _SOLUTION * rows + _CONTACT * contacts
     yield Step(Stage.IMPULSE, Method.ISOLATION, reason, flops, written, bounded=False)
     outputs = problem.outputs

@@ -3,7 +3,7 @@
 With the duration d and the drive's phase theta at the beginning as they please, there is one
 periodic motion. Its deviation at the beginning from the steady response of the open structure is
 
-    a = s + Re(c e^(i theta)) ,    M(d) (c, s) = sign F0(T - d) P10 (F1(d) D - D e^(i Omega d), ...),
+    a = s + Re(c e^(i theta)) ,    M(d) c = sign F0(T - d) P10 (F1(d) D - D e^(i Omega d)) ,
 
 with the flows F0 and F1 of the open and the loaded structure, P10 what takes states from the
 latter to the former, D the difference of both steady responses, and
@@ -32,6 +32,7 @@ from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
 
 GONE: Final = 36.0  # e-folds after which a mode has decayed below rounding
 _NUMBERS: Final = 2**21  # of matrices that are there at once
+_TOGETHER: Final = 128  # motions, between two looks at the stop signal
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -117,7 +118,7 @@ def pieces(phases: Phases, cells: Cells, index: Integers, d: Floats) -> list[Int
     while first < order.size:
         size = max(8, int(gone[order[first]]))
         last = first
-        most = max(1, _NUMBERS // (size * max(size, 2 * phases.loaded.size)))
+        most = min(_TOGETHER, max(1, _NUMBERS // (size * max(size, 2 * phases.loaded.size))))
         while last < order.size and gone[order[last]] <= 2 * size and last - first < most:
             last += 1
         groups.append(order[first:last])
@@ -148,7 +149,7 @@ def apply(flow: tuple[Floats, Floats, Floats], z: Floats) -> Floats:
 
 
 def apply_form(flow: tuple[Floats, Floats, Floats], form: Floats) -> Floats:
-    """Return flat forms of the states before a flow, of forms of those after it, (motion, 2 pair)."""
+    """Return flat forms of states before a flow, of those after it, (motion, 2 pair)."""
     even, odd, back = flow
     first, second = np.split(form, 2)
     return np.concatenate([first * even + second * back, first * odd + second * even], axis=-1)
@@ -168,9 +169,7 @@ def relaxed(phases: Phases, cells: Cells, index: Integers, d: Floats) -> Relaxed
     to = phases.to_loaded[np.ix_(live_loaded, live)]
     back = phases.to_open[np.ix_(live, live_loaded)]
     even, odd, other = (part[..., np.newaxis] for part in few1)
-    through = np.concatenate(
-        [even * to[:m] + odd * to[m:], even * to[m:] + other * to[:m]], axis=1
-    )
+    through = np.concatenate([even * to[:m] + odd * to[m:], even * to[m:] + other * to[:m]], axis=1)
     product = back @ through
     even, odd, other = (cells.sign * part[..., np.newaxis] for part in few0)
     M = -np.concatenate(
@@ -206,6 +205,4 @@ def drift(side: Side, live: Integers, z: Floats, *, form: bool) -> Floats:
     if form:
         there, back = back, there
     alpha, first, second = pairs.alpha[own], z[..., :n], z[..., n:]
-    return np.concatenate(
-        [alpha * first + there * second, alpha * second + back * first], axis=-1
-    )
+    return np.concatenate([alpha * first + there * second, alpha * second + back * first], axis=-1)

@@ -106,9 +106,7 @@ def joined(parts: list[Solutions]) -> Solutions:
     )
 
 
-def _phases(
-    phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: Booleans
-) -> Floats:
+def _phases(phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: Booleans) -> Floats:
     """Return phases at which both forms are zero, two where one is not sure, (motion, 2)."""
     Q, g, R, h = forms(phases, cells, start, motions)
     Q, R = Q[:, 0], R[:, 0]
@@ -192,7 +190,7 @@ def polished(
             more = (-v.force * v.start_turn + v.start * v.force_turn) / across
         length = cells.length[index]
         good = np.isfinite(turn) & np.isfinite(more)
-        good &= (np.abs(d + more - first) <= 4.0 * reach + 1e-6 * length)
+        good &= np.abs(d + more - first) <= 4.0 * reach + 1e-6 * length
         good &= (d + more > 0.0) & (d + more < length)
         index, d, theta, first, reach = (
             each[good] for each in (index, d + more, theta + turn, first, reach)
@@ -257,9 +255,7 @@ def _lengths(side: Side, squares: Floats) -> Floats:
     return np.concatenate([both, both], axis=-1)
 
 
-def _moved(
-    side: Side, times: Floats, z: Floats, squares: Floats
-) -> Floats:
+def _moved(side: Side, times: Floats, z: Floats, squares: Floats) -> Floats:
     """Return squared errors of states (motion, 2 pair) after a flow, from those before."""
     grows = np.exp(np.clip(side.growth * times[:, np.newaxis], -300.0, 300.0))
     grows[:, side.pairs.parabolas] *= 1.0 + times[:, np.newaxis]
