@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -183,7 +183,10 @@ def sums(problem: Problem, phases: Phases, one: tuple[Part, ...], contact: int =
     """Sum up the parts of one solution, of which one is its contact phase; -1: none."""
     dofs = problem.output_dofs
     wanted = dofs if {"extremes", "waveform"} & problem.outputs else dofs[:0]
-    total = Sums(*(np.full(wanted.size, s) for s in (-np.inf, np.inf, 0.0, 0.0)))
+    total = Sums(
+        np.full(wanted.size, -np.inf), np.full(wanted.size, np.inf), np.zeros(wanted.size),
+        np.zeros(wanted.size),
+    )  # fmt: skip
     for place, part in enumerate(one):
         look()
         if wanted.size:
@@ -195,7 +198,7 @@ def sums(problem: Problem, phases: Phases, one: tuple[Part, ...], contact: int =
     return total
 
 
-def forms_of(side: Side, dofs: Floats) -> tuple[Floats, Floats]:
+def forms_of(side: Side, dofs: Integers) -> tuple[Floats, Floats]:
     """Return displacements as forms, (dof, 2 pair), and their values at the zero of states."""
     modes = side.basis.modes
     shapes = modes.shapes[dofs]
@@ -203,7 +206,7 @@ def forms_of(side: Side, dofs: Floats) -> tuple[Floats, Floats]:
     return side.basis.displacement(shapes).reshape(len(shapes), -1), still
 
 
-def _extremes(part: Part, dofs: Floats, total: Sums) -> None:
+def _extremes(part: Part, dofs: Integers, total: Sums) -> None:
     form, still = forms_of(part.side, dofs)
     for times, weights in part.nodes():
         x = part.states(times) @ form.T + still

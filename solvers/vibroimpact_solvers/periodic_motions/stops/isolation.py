@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels import durations
 from vibroimpact_solvers.kernels.durations import CUT, EMPTY, FULL, RADIUS, TERMS, UNRESOLVED
 from vibroimpact_solvers.meter import look
+from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.stops import relaxed
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
 from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells, Relaxed
@@ -63,7 +64,7 @@ class Durations:
     index: Integers
     d: Floats
     half: Floats
-    sure: Floats
+    sure: Booleans
     unresolved: Floats
 
 
@@ -85,7 +86,7 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
     d = np.tile(2.0 * np.arange(_FIRST) + 1.0, count) * half
     used, lost = np.zeros(count, dtype=np.int64), np.zeros(count)
     found: list[tuple[Integers, Floats, Floats, Integers]] = []
-    index = every
+    index: Integers = every
     while index.size:
         look()
         long = _leaves_out(phases, cells, index, d, half)
@@ -93,7 +94,7 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
         small = half < _FINEST * cells.length[index]
         over = (used[index] > _MOST) | small
         np.add.at(lost, index[over], 2.0 * half[over])
-        index, d, half, now = (part[~over] for part in (index, d, half, now))
+        index, d, half, now = index[~over], d[~over], half[~over], now[~over]
         again = [(index[~now], d[~now], half[~now])]
         index, d, half = index[now], d[now], half[now]
         np.add.at(used, index, 1)
@@ -103,8 +104,8 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
             found.append(roots)
             cut = (states == CUT) | (states == FULL)
             i, x, w, _ = _cut(index[some], d[some], half[some], cut)
-            keep = np.concatenate([np.zeros((~cut).sum(), bool), np.ones(2 * cut.sum(), bool)])
-            again.append((i[keep], x[keep], w[keep]))
+            kept = int((~cut).sum())  # which come first
+            again.append((i[kept:], x[kept:], w[kept:]))
         index, d, half = (np.concatenate(parts) for parts in zip(*again, strict=True))
     if not found:
         none = np.zeros(0)
@@ -116,15 +117,15 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
 
 
 def _cut(
-    index: Integers, d: Floats, half: Floats, long: Floats
-) -> tuple[Integers, Floats, Floats, Floats]:
+    index: Integers, d: Floats, half: Floats, long: Booleans
+) -> tuple[Integers, Floats, Floats, Booleans]:
     """Return boxes, those that are too long in halves, and which have not been cut."""
     some, w = index[long], 0.5 * half[long]
     return (
         np.concatenate([index[~long], some, some]),
         np.concatenate([d[~long], d[long] - w, d[long] + w]),
         np.concatenate([half[~long], w, w]),
-        np.concatenate([np.ones(int((~long).sum()), bool), np.zeros(2 * some.size, bool)]),
+        np.repeat([True, False], [int((~long).sum()), 2 * some.size]),
     )
 
 
@@ -152,11 +153,11 @@ def _sizes(side: Side, times: Floats, form: Floats) -> Floats:
     return np.asarray(np.sqrt(2.0) * lengths * grows * alive)
 
 
-def _leaves_out(phases: Phases, cells: Cells, index: Integers, d: Floats, half: Floats) -> Floats:
+def _leaves_out(phases: Phases, cells: Cells, index: Integers, d: Floats, half: Floats) -> Booleans:
     """Return which boxes are too long for polynomials of what moves in them."""
     a = phases.impact.constraint
     reach = RADIUS * half[:, np.newaxis]
-    bad = half * cells.Omega[index] * phases.harmonics.max(initial=1.0) > 1.0
+    bad: Booleans = half * cells.Omega[index] * phases.harmonics.max(initial=1.0) > 1.0
     for side, times, form in (
         (phases.open, cells.length[index] - d, phases.open.kick[a]),
         (phases.loaded, d, phases.loaded.force),
@@ -244,7 +245,7 @@ def _remainders(
     start: Start,
     motions: Relaxed,
     half: Floats,
-    given: tuple[Floats, Floats, Floats, Floats],
+    given: tuple[Complexes, Floats, Floats, Complexes],
 ) -> Floats:
     """Return bounds of what polynomials leave out on the disc, (motion, 3)."""
     at_entry, still_entry, rate, push = given
@@ -264,4 +265,4 @@ def _remainders(
     beta = float(np.linalg.norm(start.form[live])) * inverse * half * u_tail
     entered = np.maximum(norm(np.abs(at_entry)), norm(still_entry))
     alpha = v_tail * entered + np.abs(push[motions.index]) * _tails(RADIUS * rate)
-    return np.nan_to_num(np.stack([S, beta, alpha], axis=1), nan=np.inf)
+    return np.asarray(np.nan_to_num(np.stack([S, beta, alpha], axis=1), nan=np.inf))

@@ -193,7 +193,8 @@ def _side(
     wall = stopped.wall(a, side)
     level = k * (placed.indentations[a] if loaded else side * placed.levels[a] - wall)
     unit, shapes = math.ldexp(1.0, -2 * stopped.exponent), basis.modes.shapes
-    load = unit * (basis.kick(forces.real @ shapes) + 1j * basis.kick(forces.imag @ shapes))
+    both = basis.kick(forces.real @ shapes), basis.kick(forces.imag @ shapes)
+    load = np.asarray(unit * (both[0] + 1j * both[1]), dtype=np.complex128)
     turning = np.arange(pairs.nu.size)
     apart = np.abs(pairs.alpha) + np.where(turning < pairs.hyperbolas.stop, pairs.nu, 1.0)
     rate = np.where(turning < pairs.rotations.stop, pairs.speed, apart)

@@ -140,7 +140,7 @@ def _live(side: Side, times: Floats) -> Integers:
     return np.concatenate([live, live + side.size])
 
 
-def apply(flow: tuple[Floats, Floats, Floats], z: Floats) -> Floats:
+def apply(flow: tuple[Floats, ...], z: Floats) -> Floats:
     """Return flat states after the times of a flow, (motion, …, 2 pair)."""
     n = flow[0].shape[-1]
     even, odd, back = (part.reshape(len(part), *[1] * (z.ndim - 2), n) for part in flow)

@@ -88,7 +88,7 @@ def solutions(phases: Phases, cells: Cells, start: Start, found: Durations) -> S
     for some in relaxed.pieces(phases, cells, found.index, found.d):
         index, d, sure = found.index[some], found.d[some], found.sure[some]
         theta = _phases(phases, cells, start, relaxed.relaxed(phases, cells, index, d), sure)
-        index, d, half = (np.repeat(each, 2) for each in (index, d, found.half[some]))
+        index, d, half = np.repeat(index, 2), np.repeat(d, 2), np.repeat(found.half[some], 2)
         theta = theta.ravel()
         there = np.isfinite(theta)
         parts.append(
@@ -192,9 +192,8 @@ def polished(
         good = np.isfinite(turn) & np.isfinite(more)
         good &= np.abs(d + more - first) <= 4.0 * reach + 1e-6 * length
         good &= (d + more > 0.0) & (d + more < length)
-        index, d, theta, first, reach = (
-            each[good] for each in (index, d + more, theta + turn, first, reach)
-        )
+        index, d, theta = index[good], (d + more)[good], (theta + turn)[good]
+        first, reach = first[good], reach[good]
         small = np.abs(more[good]) <= _DONE * length[good]
         if small.all() and (np.abs(turn[good]) <= 64.0 * _DONE).all():
             break
@@ -264,7 +263,7 @@ def _moved(side: Side, times: Floats, z: Floats, squares: Floats) -> Floats:
     own = grows * size * (side.pairs.drift * times[:, np.newaxis] + _ROUNDED * EPS)
     grown = grows**2
     both = np.concatenate([own, own], axis=1) ** 2
-    return np.concatenate([grown, grown], axis=1) * _lengths(side, squares) + both
+    return np.asarray(np.concatenate([grown, grown], axis=1) * _lengths(side, squares) + both)
 
 
 def _errors(
