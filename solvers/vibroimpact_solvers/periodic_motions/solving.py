@@ -64,7 +64,7 @@ def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
         of = result.impact_solution + rows
         touching = result.contact_solution
         touching = None if touching is None else touching + rows
-        changed = {"solution_frequency_index": index, "impact_solution": of}
+        changed: dict[str, Any] = {"solution_frequency_index": index, "impact_solution": of}
         shifted.append(replace(result, **changed, contact_solution=touching))
         frequencies, rows = frequencies + result.Omega.size, rows + index.size
     joined: dict[str, Any] = {
