@@ -353,7 +353,7 @@ def _refined(room: _Room, x: float, w: float) -> tuple[float, float]:
 
 @inner
 def _isolate(
-    box: int, doubts: _Doubts, room: _Room, found: int, which: Integers,
+    box: int, doubts: _Doubts, room: _Room, listed: int, which: Integers,
     middles: Floats, halves: Floats, kinds: Integers,
 ) -> int:  # fmt: skip
     """List the intervals of a box in which roots are; return how many there are then, or -1."""
@@ -379,14 +379,14 @@ def _isolate(
             high += 2
             continue
         if kind != EMPTY:
-            if found >= kinds.size:
+            if listed >= kinds.size:
                 return -1
             if kind == ROOT:
                 x, w = _refined(room, x, w)
-            which[found], kinds[found] = box, (ROOT if kind == ROOT else UNRESOLVED)
-            middles[found], halves[found] = x, w
-            found += 1
-    return found if high == 0 else -1
+            which[listed], kinds[listed] = box, (ROOT if kind == ROOT else UNRESOLVED)
+            middles[listed], halves[listed] = x, w
+            listed += 1
+    return listed if high == 0 else -1
 
 
 @inner
@@ -473,7 +473,7 @@ def isolate(
         np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
         np.empty(2 * TERMS, np.complex128), np.empty(2 * TERMS), np.empty(_DEEP), np.empty(_DEEP),
     )  # fmt: skip
-    still, found = np.empty(TERMS, np.complex128), 0
+    still, listed = np.empty(TERMS, np.complex128), 0
     for i in range(states.size):
         r, s = _strength(boxes.S[i], False)
         if not s + boxes.size[i, OF_S] <= STRONG:
@@ -506,9 +506,9 @@ def isolate(
         if pole == ROOT:
             _divide(room.A, room.B, zero)
         doubts = _bounds(boxes, i, (r, s), pole == ROOT, room)
-        more = _isolate(i, doubts, room, found, which, middles, halves, kinds)
+        more = _isolate(i, doubts, room, listed, which, middles, halves, kinds)
         if more < 0:
             states[i] = FULL
         else:
-            found = more
-    return found
+            listed = more
+    return listed

@@ -110,17 +110,17 @@ def solved(case: Case) -> tuple[driven.Result, list[tuple[Any, Any, float, float
     result = driven.solve(problem, driven.plan(problem))
     phases = Phases.of(problem, spectrum.choose(problem.system))
     cells = Cells.of(phases, problem)
-    found = joined(
+    durations_of = joined(
         [solutions(phases, cells, s, isolated(phases, cells, s)) for s in starts(phases)]
     )
-    order = np.lexsort((found.d, found.index))
+    order = np.lexsort((durations_of.d, durations_of.index))
     states = []
     for k in order.tolist():
-        part = Part.at_entry(phases, cells, found, k)
+        part = Part.at_entry(phases, cells, durations_of, k)
         q, rate = phases.open.coordinates_of(part.states(np.zeros(1))[0])
         modes, still = phases.open.basis.modes, phases.open.basis.still
         x, v = modes.shapes @ (q + still) + modes.base, phases.scale * modes.shapes @ rate
-        states.append((x, v, float(found.phase[k]), float(found.d[k]) / phases.scale))
+        states.append((x, v, float(durations_of.phase[k]), float(durations_of.d[k]) / phases.scale))
     return result, states
 
 
@@ -335,7 +335,7 @@ def cantilever(count: int, wall: float, stiffness: float) -> System:
 
 def test_a_cantilever_converges() -> None:
     """Durations of contacts converge as modes are added."""
-    found = []
+    durations_of = []
     for count in (3, 5, 8, 12, 20):
         system = cantilever(count, 0.01, 1e4)
         tips = np.asarray(system.constraints[0].weights)
@@ -347,10 +347,10 @@ def test_a_cantilever_converges() -> None:
         assert result.contact_solution is not None
         assert result.contact_duration is not None
         exist = result.solution_exists[result.contact_solution]
-        found.append(float(result.contact_duration[exist].max()))
-    apart = np.abs(np.diff(found))
+        durations_of.append(float(result.contact_duration[exist].max()))
+    apart = np.abs(np.diff(durations_of))
     assert (apart[1:] < 0.6 * apart[:-1]).all()
-    assert apart[-1] < 1e-3 * found[-1]
+    assert apart[-1] < 1e-3 * durations_of[-1]
 
 
 def test_rigid_limit() -> None:

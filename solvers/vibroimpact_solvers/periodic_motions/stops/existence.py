@@ -127,7 +127,7 @@ def legs(
         solved.phase, np.zeros(count), solved.d, pushing, begins, np.full(count, force), LOWER,
         np.full(count, LOWER),
     )  # fmt: skip
-    found = [(contact, every)]
+    every_leg = [(contact, every)]
     leaves = np.zeros(count)
     if damped:
         leaves = _wall_left(phases, cells, solved)
@@ -143,7 +143,7 @@ def legs(
             solved.phase + Omega * solved.d, solved.d, length, beyond, np.full(count, force), ends,
             UPPER, end_side,
         )  # fmt: skip
-        found.append((released, every))
+        every_leg.append((released, every))
         leaves = np.where(stays, solved.rest, leaves)
     free = np.flatnonzero(leaves < solved.rest)
     state, error = solved.left[free], solved.left_error[free]
@@ -151,14 +151,14 @@ def legs(
         state = relaxed.apply(phases.open.propagators(leaves[free]), state)
     since = solved.d[free] + leaves[free]
     index = solved.index[free]
-    flight = Leg(
+    free_leg = Leg(
         phases.open, cells.opened[index], state, error, solved.phase[free] + Omega[free] * since,
         since, solved.rest[free] - leaves[free], walls, np.full(free.size, a),
         np.full(free.size, a), own,
         np.full(free.size, own if cells.sign > 0.0 else other),
     )  # fmt: skip
-    found.append((flight, free))
-    return found
+    every_leg.append((free_leg, free))
+    return every_leg
 
 
 def walls_of(problem: Problem, phases: Phases, *, mirrored: bool) -> Floats:

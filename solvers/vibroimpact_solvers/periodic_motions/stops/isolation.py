@@ -85,7 +85,7 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
     half = cells.length[every] / (2.0 * _FIRST)
     d = np.tile(2.0 * np.arange(_FIRST) + 1.0, count) * half
     used, lost = np.zeros(count, dtype=np.int64), np.zeros(count)
-    found: list[tuple[Integers, Floats, Floats, Integers]] = []
+    roots_of_all: list[tuple[Integers, Floats, Floats, Integers]] = []
     index: Integers = every
     while index.size:
         look()
@@ -101,16 +101,16 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
         for some in relaxed.pieces(phases, cells, index, d):
             one = relaxed.relaxed(phases, cells, index[some], d[some])
             states, roots = _roots(phases, cells, start, one, half[some])
-            found.append(roots)
+            roots_of_all.append(roots)
             cut = (states == CUT) | (states == FULL)
             i, x, w, _ = _cut(index[some], d[some], half[some], cut)
             kept = int((~cut).sum())  # which come first
             again.append((i[kept:], x[kept:], w[kept:]))
         index, d, half = (np.concatenate(parts) for parts in zip(*again, strict=True))
-    if not found:
+    if not roots_of_all:
         none = np.zeros(0)
         return Durations(none.astype(np.int64), none, none, none.astype(bool), lost)
-    index, d, half, kinds = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    index, d, half, kinds = (np.concatenate(parts) for parts in zip(*roots_of_all, strict=True))
     open_end = kinds == UNRESOLVED
     np.add.at(lost, index[open_end], 2.0 * half[open_end])
     return Durations(index, d, half, ~open_end, lost / cells.length)
@@ -188,16 +188,16 @@ def _roots(
     which, kinds = np.empty((2, room), dtype=np.int64)
     middles, halves = np.empty((2, room))
     states = np.empty(count, dtype=np.int64)
-    found = durations.isolate(boxes, which, middles, halves, kinds, states)
-    of = which[:found]
+    roots_of_all = durations.isolate(boxes, which, middles, halves, kinds, states)
+    of = which[:roots_of_all]
     # Smaller boxes tell more, until rounding is all that is left.
     large = half > _DOUBTFUL * cells.length[motions.index]
-    doubtful = of[kinds[:found] == UNRESOLVED]
+    doubtful = of[kinds[:roots_of_all] == UNRESOLVED]
     states[doubtful[large[doubtful]]] = CUT
     good = (states == EMPTY)[of]
     of = of[good]
-    d = motions.d[of] + half[of] * middles[:found][good]
-    roots = motions.index[of], d, half[of] * halves[:found][good], kinds[:found][good]
+    d = motions.d[of] + half[of] * middles[:roots_of_all][good]
+    roots = motions.index[of], d, half[of] * halves[:roots_of_all][good], kinds[:roots_of_all][good]
     return states, roots
 
 

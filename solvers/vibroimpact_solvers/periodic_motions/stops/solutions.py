@@ -82,20 +82,22 @@ class _Values:
     turned: Complexes  # e^(i h theta), (motion, harmonic)
 
 
-def solutions(phases: Phases, cells: Cells, start: Start, found: Durations) -> Solutions:
+def solutions(phases: Phases, cells: Cells, start: Start, intervals: Durations) -> Solutions:
     """Return the motions of the intervals in which durations are."""
     parts: list[Solutions] = []
-    for some in relaxed.pieces(phases, cells, found.index, found.d):
-        index, d, sure = found.index[some], found.d[some], found.sure[some]
+    for some in relaxed.pieces(phases, cells, intervals.index, intervals.d):
+        index, d, sure = intervals.index[some], intervals.d[some], intervals.sure[some]
         theta = _phases(phases, cells, start, relaxed.relaxed(phases, cells, index, d), sure)
-        index, d, half = np.repeat(index, 2), np.repeat(d, 2), np.repeat(found.half[some], 2)
+        index, d, half = np.repeat(index, 2), np.repeat(d, 2), np.repeat(intervals.half[some], 2)
         theta = theta.ravel()
         there = np.isfinite(theta)
         parts.append(
             polished(phases, cells, start, index[there], d[there], theta[there], half[there])
         )
     if not parts:
-        return polished(phases, cells, start, found.index[:0], found.d, found.d, found.d)
+        return polished(
+            phases, cells, start, intervals.index[:0], intervals.d, intervals.d, intervals.d
+        )
     return _apart(cells, joined(parts))
 
 

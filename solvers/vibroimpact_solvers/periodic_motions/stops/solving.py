@@ -59,11 +59,11 @@ def _solve_block(problem: Problem, phases: Phases) -> Result:
 
 def _contacts(phases: Phases, cells: Cells) -> tuple[Solutions, Booleans]:
     """Return the motions with one contact phase per cell, and where none can be missing."""
-    unresolved, found = np.zeros(cells.Omega.size), []
+    unresolved, parts_found = np.zeros(cells.Omega.size), []
     for start in starts(phases):
         durations = isolated(phases, cells, start)
         unresolved += durations.unresolved
-        found.append(solutions(phases, cells, start, durations))
-    solved = joined(found)
+        parts_found.append(solutions(phases, cells, start, durations))
+    solved = joined(parts_found)
     order = np.lexsort((solved.d, solved.index))
     return solved.at(order), unresolved == 0.0
