@@ -6,6 +6,8 @@ import { button, make } from "./dom.js";
 
 /** By the name of their view. @type {Map<string, Kept[]>} */
 const kept = new Map();
+/** Milliseconds after which the address of a view has been written. */
+const WRITTEN = 500;
 /** More than that would be too small to be read. */
 const MOST = 3;
 
@@ -24,6 +26,8 @@ export async function goOn(keepThis) {
   const address = next;
   next = null;
   await keepThis();
+  // The address of this view is written first, which would otherwise replace the next one.
+  await new Promise((resolve) => { setTimeout(resolve, WRITTEN); });
   location.hash = address;
 }
 
