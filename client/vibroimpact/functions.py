@@ -95,14 +95,14 @@ class Function:
 
         Numbers without a derivative are nan; ``f.result(x).derivative["reason"]`` tells why.
         """
-        found = self.result(x).derivative
-        paths = [str(path) for path in found["parameter"]]
+        derivatives = self.result(x).derivative
+        paths = [str(path) for path in derivatives["parameter"]]
         order = [place_of(path, paths) for path in self.inputs]
         columns = []
         for name in self.outputs:
-            if name not in found:
+            if name not in derivatives:
                 raise ValueError(f"there is no derivative of {name!r} in {self.kind}")
-            values = found[name]
+            values = derivatives[name]
             columns.append(values.reshape(-1, values.shape[-1])[:, order])
         return np.concatenate(columns) * self._weights(np.asarray(x, dtype=np.float64))
 

@@ -30,14 +30,14 @@ def parameters(request: Any, of: System) -> tuple[Parameter, ...]:
     ModelError
         With a pointer to the path that is wrong.
     """
-    found = []
+    named = []
     for place, text in enumerate(request.derivatives or ()):
         try:
-            found.append(_parameter(request, of, text))
+            named.append(_parameter(request, of, text))
         except ModelError as error:
             pointer = ("derivatives", place)
             raise ModelError(pointer, error.message, code=error.code) from None
-    return tuple(found)
+    return tuple(named)
 
 
 def _parameter(request: Any, of: System, text: str) -> Parameter:

@@ -128,7 +128,7 @@ def _follow_indentation(
     t, span, size, budget = given
     flow, watched, a, side = structure.flow, structure.watched, contact.constraint, contact.side
     scale, piece = prepared.scale, scratch.piece[0]
-    law = prepared.laws[a].stiffness, prepared.laws[a].damping * scale
+    stiffness, damping = prepared.laws[a].stiffness, prepared.laws[a].damping * scale
     level = prepared.stops[place, a].indentation
     longest = min(prepared.scenes[place].longest, _LONGEST)
     d, c, f = scratch.derivatives, scratch.roots[Z1], scratch.roots[Z2]
@@ -152,10 +152,10 @@ def _follow_indentation(
             c[n] = side * d[n] * power
             power /= n + 1.0
         c[0] += level
-        _add_step(contact, c, law, r, scale)
-        if law[1] > 0.0:
+        _add_step(contact, c, (stiffness, damping), r, scale)
+        if damping > 0.0:
             for n in range(ORDER - 1):
-                f[n] = law[0] * c[n] + law[1] * (n + 1.0) * c[n + 1]
+                f[n] = stiffness * c[n] + damping * (n + 1.0) * c[n + 1]
             contact.peak_force = max(contact.peak_force, _largest(f, ORDER - 2, r))
         less = remainder(B, r)
         contact.left_out = max(contact.left_out, less)

@@ -30,6 +30,8 @@ from vibroimpact_solvers.kernels.stopped_scenes import (
 
 CONVERTED: Final = 2.0
 """Roundings of a state that goes on as another one."""
+_FIRST = 0  # a pair, whose sign is as good as any
+_STATE = 0  # the row of the state, before those of its deviations
 _FOUND = 4.0  # roundings within which a form is zero
 _CLEAR = 64.0  # roundings of a slope that has a sign
 _APART = 7  # rows of signs between those of two deviations
@@ -114,7 +116,7 @@ def _set_off(
         form = structure.watched.coordinate[a]
         place = (_FOUND + room) * (magnitude(form, z) + structure.walls[a].size)
         for c in range(off.size):
-            off[c] = product(form, deviations[c]) + place * signs[c, Z1, 0]
+            off[c] = product(form, deviations[c]) + place * signs[c, Z1, _FIRST]
 
 
 @inner
@@ -133,9 +135,9 @@ def _convert(numbers: Floats, first: int, before: Floats, after: Floats, sizes: 
         sizes[i] = 0.0
     for j in range(n):
         column = numbers[first + j * m : first + (j + 1) * m]
-        value, size = before[0, j], abs(before[0, j])
+        value, size = before[_STATE, j], abs(before[_STATE, j])
         for i in range(m):
-            after[0, i] += column[i] * value
+            after[_STATE, i] += column[i] * value
             sizes[i] += abs(column[i]) * size
         for k in range(1, count):
             value = before[k, j]
@@ -200,9 +202,9 @@ def carry_over(
             for i in range(m):
                 fixed[i] += abs(numbers[row.matrix + j * m + i]) * missed[j]
     for i in range(m):
-        moved[0, i] += numbers[row.offset + i]
+        moved[_STATE, i] += numbers[row.offset + i]
         size[i] = CONVERTED * (size[i] + numbers[row.terms + i])
-        fixed[i] += CONVERTED * abs(moved[0, i])
+        fixed[i] += CONVERTED * abs(moved[_STATE, i])
     for k in range(count):
         for i in range(m):
             Z[k * m + i] = moved[k, i]

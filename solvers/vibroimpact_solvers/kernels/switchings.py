@@ -52,6 +52,7 @@ from vibroimpact_solvers.kernels.stopped_scenes import (
 
 __all__ = ["Stop", "follow"]
 
+_BEGIN, _LARGEST, _SPREAD, _AFTER = range(4)  # the states that `Work` keeps, as in `Passed`
 _SWITCHED = 200  # nanoseconds of a switching, beside its products
 _MOST_STILL = 200  # switchings at one instant, more of which are taken for rounding
 _MOST = 2_000_000  # switchings of a motion
@@ -138,7 +139,7 @@ def _advance(
     deviations = Z[size : (1 + at.columns) * size].reshape(at.columns, 2, pairs)
     motion = Motion(z, deviations, progress, given.impacts, given.output_times)
     kept = work.kept[: 4 * size].reshape(4, 2, pairs)
-    passed = Passed(kept[0], kept[1], kept[2], kept[3])
+    passed = Passed(kept[_BEGIN], kept[_LARGEST], kept[_SPREAD], kept[_AFTER])
     set_costs(structure, scratch, at.columns)
     if not now.begun:
         begin(structure, motion, passed.begin)

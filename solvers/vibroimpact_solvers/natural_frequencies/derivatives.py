@@ -148,10 +148,10 @@ def _projected(rates: ModeRates, apart: Booleans) -> tuple[Floats, Booleans]:
             inside &= (rates.second >= start) & (rates.second < stop)
             i, j = rates.first[inside] - start, rates.second[inside] - start
             block[i, j] = rates.mixed[inside]
-            found = np.linalg.eigvalsh(block)
-            size = max(float(np.abs(found).max()), float(rates.value_errors[some].max()))
-            alone[some] = np.ptp(found) <= _ALIKE * size
-            moved[some] = found
+            slopes = np.linalg.eigvalsh(block)
+            size = max(float(np.abs(slopes).max()), float(rates.value_errors[some].max()))
+            alone[some] = np.ptp(slopes) <= _ALIKE * size
+            moved[some] = slopes
         start = stop
     return moved, alone
 
@@ -211,10 +211,10 @@ def _shapes(
         Z = problem.held.basis
         change, error = np.asarray(Z @ change), np.asarray(abs(Z) @ error)
     _forget(change, error, modes.alone[:count])
-    found: dict[str, Floats] = {}
+    fields: dict[str, Floats] = {}
     if "shape" in problem.outputs:
-        found["derivative_shape"] = (change * signs).T
-        found["derivative_shape_error"] = error.T
+        fields["derivative_shape"] = (change * signs).T
+        fields["derivative_shape_error"] = error.T
     if "effective_mass" in problem.outputs and problem.directions is not None:
         r, M = problem.directions.T, problem.system.M
         heavy = M @ np.ascontiguousarray(r)
@@ -226,12 +226,12 @@ def _shapes(
             moved = moved + shapes.T @ more
             wrong = wrong + 4.0 * EPS * (np.abs(shapes).T @ np.abs(more))
         wrong = wrong + 4.0 * EPS * (np.abs(change).T @ np.abs(heavy))
-        found["derivative_effective_mass"] = 2.0 * factors * moved
+        fields["derivative_effective_mass"] = 2.0 * factors * moved
         own = 8.0 * EPS * (np.abs(shapes).T @ np.abs(heavy)) * np.abs(moved)
-        found["derivative_effective_mass_error"] = 2.0 * np.abs(factors) * wrong + 2.0 * own
-        bad = np.isnan(found["derivative_effective_mass"])
-        found["derivative_effective_mass_error"][bad] = np.inf
-    return found
+        fields["derivative_effective_mass_error"] = 2.0 * np.abs(factors) * wrong + 2.0 * own
+        bad = np.isnan(fields["derivative_effective_mass"])
+        fields["derivative_effective_mass_error"][bad] = np.inf
+    return fields
 
 
 def _rows(

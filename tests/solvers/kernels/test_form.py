@@ -18,7 +18,7 @@ FIRST = {"sine_cosine", "_evaluate"}
 """Functions that return a pair of which a caller may take one: sine and cosine, value and slope."""
 ORDERS = {"d", "low", "b", "c", "f", "g", "_FACTORIALS", "_BERNSTEIN"}
 """Arrays whose places are orders: of derivatives, of coefficients of polynomials."""
-RECORDS = {"piece", "progress"}
+RECORDS = {"course", "piece", "progress"}
 """Arrays of one record, in which a kernel writes the fields that are read after it."""
 
 MODULES = sorted(Path(kernels.__file__).parent.glob("*.py"))

@@ -202,12 +202,12 @@ def _solved(
         return np.take_along_axis(values, chosen, axis=2)
 
     whole = np.concatenate([walls[0] - over_modes(response * b, by.rows), some(b)], axis=2)
-    found = _times(by.inverse, whole)
-    found += _times(by.inverse, whole - _times(by.system, found))
-    y = found[..., :unknowns]
+    rates_of_unknowns = _times(by.inverse, whole)
+    rates_of_unknowns += _times(by.inverse, whole - _times(by.system, rates_of_unknowns))
+    y = rates_of_unknowns[..., :unknowns]
     driven = over_unknowns(y, by.rows)
     A = (b + driven) * by.over
-    np.put_along_axis(A, chosen, found[..., unknowns:], axis=2)
+    np.put_along_axis(A, chosen, rates_of_unknowns[..., unknowns:], axis=2)
     # Errors of the equations, then of the unknowns.
     rows, wrong_rows, size = np.abs(by.rows), modes.wrong / by.rho, np.abs(A)
     lost = b_error + modes.speed_error * size + over_unknowns(np.abs(y), wrong_rows)

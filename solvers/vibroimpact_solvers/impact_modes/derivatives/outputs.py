@@ -172,18 +172,18 @@ class Derivatives:
         drives = [(0.5 * (block.plus + block.minus), 0.5 * (upper + lower))]
         if not self.mirrored:
             drives.append((0.5 * (block.plus - block.minus), 0.5 * (upper - lower)))
-        found, parts = list[Solution](), list[Part]()
+        solutions, parts = list[Solution](), list[Part]()
         for symmetric, (z, walls) in enumerate(drives):
             one = self._component(block, eye, bool(symmetric), 1.0)
             own = component_rates(one, self._rates, at, eye)
             given = Unknowns(z, z_error, walls, 1.0)
             solution = solve([one], [own], self._rates, at, given)
             parts.append(Part(one, own, solution.A[0], solution.A_error[0]))
-            found.append(solution)
-        singular = block.singular | np.logical_or.reduce([each.singular for each in found])
+            solutions.append(solution)
+        singular = block.singular | np.logical_or.reduce([each.singular for each in solutions])
         if self.mirrored:
-            return parts, found[0].z, found[0].z, found[0].z_error, singular
-        total, difference = found
+            return parts, solutions[0].z, solutions[0].z, solutions[0].z_error, singular
+        total, difference = solutions
         wrong = total.z_error + difference.z_error
         return parts, total.z + difference.z, total.z - difference.z, wrong, singular
 
