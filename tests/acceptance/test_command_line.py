@@ -59,7 +59,7 @@ def test_kinds_may_be_spelled_as_in_python(shell: Shell) -> None:
     for kind in ("natural-frequencies", "natural_frequencies"):
         assert len(printed(shell("compute", kind, "request.json", "--json"))["Omega"]) == 3
     table = shell("compute", "natural_frequencies", "request.json", url=None).stdout
-    assert table.splitlines()[1].split() == ["mode", "Omega", "error"]
+    assert ["mode", "Omega", "error"] in [line.split() for line in table.splitlines()]
     assert shell("plan", "natural_frequencies", "request.json").returncode == 0
     assert shell("compute", "natural_modes", "request.json", "--json").returncode != 0
 

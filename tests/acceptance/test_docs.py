@@ -274,6 +274,15 @@ def _check_numbers_of_modes(names: dict[str, Any]) -> None:
     assert "by 2 % in the median and by 80 % at worst" in page
 
 
+def test_the_derivatives_page() -> None:
+    """Momenta are proportional to the gap; the fit comes back to what was measured."""
+    names = _run("docs/theory/derivatives.md")
+    momentum = names["result"].momentum
+    assert names["by_gap"] == pytest.approx(momentum / 0.1, rel=1e-12)
+    assert np.all(names["errors"] < 1e-10)
+    assert names["fit"].x == pytest.approx([0.12, 3.1], rel=1e-6)
+
+
 def test_the_beam_of_the_structures_page() -> None:
     """The impulse is that of the structure's answer to a train of impulses.
 

@@ -23,7 +23,7 @@ def call(*arguments: str) -> tuple[int, str]:
 def test_lists_what_the_registry_has() -> None:
     code, output = call("--list")
     assert code == 0
-    assert output.startswith("peers: ")
+    assert output.startswith("defaults: ")
     assert "  scaling.memory\n" in output
 
 

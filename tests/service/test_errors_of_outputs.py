@@ -33,6 +33,7 @@ EXACT = {
     "attractor/fraction_high": "end of an interval that states how well the fraction is known",
     "bands/edge_error": "an error",
     "rejected/edge_error": "an error",
+    "derivative/distance": "to first order, where a derivative begins to exist",
     "points/error": "an error",
     "impacts/condition": "an error, of the state",
 }
@@ -118,6 +119,22 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "frequency": {"values": [0.9, 1.0, 3.0]},
             "tau": [0.0, 0.25],
             "outputs": ["impulse", "shape", "waveform", "energy", "stability", "harmonics"],
+            "derivatives": ["system.constraints.0.gap.upper", "system.K.scale", "frequency"],
+        }
+    ],
+    "natural-frequencies": [
+        {
+            "system": {
+                "M": [[4, 1], [1, 1]],
+                "K": {"diagonal": [4, 1]},
+                "constraints": [{"dof": 0, "gap": 0.1}],
+            },
+            "count": 1,
+            "directions": [[1, 1]],
+            "outputs": [
+                "Omega", "shape", "participation", "effective_mass", "residual_flexibility",
+            ],
+            "derivatives": ["system.K.diagonal.0", "system.M.scale"],
         }
     ],
     "time-history": [

@@ -68,8 +68,9 @@ def entries(content: Content) -> Iterator[Entry]:
 
 def _words(content: Content) -> dict[str, Any]:
     """Return the texts that stand along an axis, such as names of parameters, as arrays."""
-    listed = {n: v for n, v in content.plain.items() if content.meanings[n].dims}
-    return {name: np.array(value, h5py.string_dtype()) for name, value in listed.items()}
+    texts = {n: v for n, v in content.plain.items() if isinstance(v, list)}
+    along = {n: v for n, v in texts.items() if n in content.meanings and content.meanings[n].dims}
+    return {name: np.array(value, h5py.string_dtype()) for name, value in along.items()}
 
 
 def _head(head: Mapping[str, Any]) -> dict[str, str]:
