@@ -5,7 +5,8 @@ has the same content, and takes a tenth of a millisecond on either side:
 
 1. the length of a JSON text, 8 bytes, little-endian;
 2. the text, filled with spaces so that what follows starts at a multiple of 8 bytes: the list of
-   entries, in which an object ``{"dtype", "shape", "offset"}`` stands for an array;
+   entries, in which an object ``{"dtype", "shape", "offset"}`` stands for an array, and
+   ``{"texts"}`` for one of texts;
 3. the arrays one after the other, in C order, each filled to a multiple of 8 bytes; their offsets
    are counted from the first.
 """
@@ -16,6 +17,7 @@ import json
 from collections.abc import Iterable
 from typing import Any, Final, TypeAlias
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +30,7 @@ Entry: TypeAlias = tuple[str, tuple[Any, ...]]
 MEDIA_TYPE: Final = "application/x-vibroimpact"
 _KINDS: Final = frozenset({"name_dimensions", "array", "link", "describe"})
 _ALIGN: Final = 8
+_TEXTS: Final = h5py.string_dtype()
 
 
 def pack(entries: Iterable[Entry]) -> bytes:
@@ -43,6 +46,8 @@ def pack(entries: Iterable[Entry]) -> bytes:
         if isinstance(value, set | frozenset):
             return sorted(value)
         array = np.asarray(value)
+        if array.dtype.hasobject:
+            return {"texts": array.tolist()}
         place = {"dtype": array.dtype.str, "shape": array.shape, "offset": size}
         blocks.append(array.tobytes() + bytes(-array.nbytes % _ALIGN))
         size += len(blocks[-1])
@@ -64,6 +69,8 @@ def unpack(data: bytes) -> list[Entry]:
     start = 8 + int.from_bytes(data[:8], "little")
 
     def restored(value: dict[str, Any]) -> Any:
+        if value.keys() == {"texts"}:
+            return np.array(value["texts"], _TEXTS)
         if value.keys() != {"dtype", "shape", "offset"}:
             return value
         shape = tuple(value["shape"])
@@ -83,4 +90,5 @@ def _entry(kind: str, given: list[Any]) -> Entry:
     if kind != "array":
         return kind, tuple(given)
     path, dimensions, values, dtype, attributes = given
-    return kind, (path, tuple(dimensions), values, np.dtype(dtype), attributes)
+    as_stored = _TEXTS if np.asarray(values).dtype.hasobject else np.dtype(dtype)
+    return kind, (path, tuple(dimensions), values, as_stored, attributes)

@@ -108,3 +108,13 @@ def test_other_bytes_are_refused(data: bytes) -> None:
     # numpy, json and the module each say what is wrong
     with pytest.raises(ValueError):  # noqa: PT011
         entries.unpack(data)
+
+
+def test_texts_are_packed_too() -> None:
+    """As of an axis whose numbers are named, such as parameters of derivatives."""
+    texts = np.array(["system.constraints.0.gap", "Ω"], h5py.string_dtype())
+    array = ("array", ("parameter", ("parameter",), texts, texts.dtype, {"long_name": "path"}))
+    _, (path, dimensions, values, dtype, attributes) = entries.unpack(entries.pack([array]))[0]
+    assert (path, dimensions, attributes) == ("parameter", ("parameter",), {"long_name": "path"})
+    assert values.tolist() == texts.tolist()
+    assert h5py.check_string_dtype(dtype) is not None
