@@ -94,9 +94,10 @@ def array(name: str, given: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
         raise ValueError(f"the rows of {name} differ in length") from None
     if values.dtype.kind in "SU":
         raise TypeError(f"{name} must be numbers, not {_shown(given)}")
+    values = real(name, values)
     try:
-        return np.asarray(real(name, values), dtype=np.float64)
-    except (TypeError, OverflowError):
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be numbers, not {_shown(given)}") from None
 
 

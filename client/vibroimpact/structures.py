@@ -50,14 +50,24 @@ def _stops(constraints: Any) -> str:
     return f"{head} {', '.join(said)}{f' and {left} more' if left else ''}"
 
 
-def _stop(each: Mapping[str, Any]) -> str:
-    dofs = [each["dof"]] if "dof" in each else each["direction"]["dofs"]
+def _stop(each: Any) -> str:
+    """Return what a stop is; documents that only the service will refuse have a text as well."""
+    try:
+        return _sound_stop(each)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return f"{each!r:.60}"
+
+
+def _sound_stop(each: Mapping[str, Any]) -> str:
+    direction = each.get("direction")
+    dofs = [each["dof"]] if direction is None else direction["dofs"]
     place = f"at coordinate{'s' if len(dofs) > 1 else ''} {' and '.join(map(str, dofs))}"
     gap = each["gap"]
     if isinstance(gap, Mapping):
         # The lower gap is counted downwards.
-        low = "-inf" if gap["lower"] is None else f"{-np.float64(gap['lower']) + 0.0:g}"
-        limits = f"from {low} to {'inf' if gap['upper'] is None else format(gap['upper'], 'g')}"
+        lower, upper = gap.get("lower"), gap.get("upper")
+        low = "-inf" if lower is None else f"{-np.float64(lower) + 0.0:g}"
+        limits = f"from {low} to {'inf' if upper is None else format(upper, 'g')}"
     else:
         limits = f"gap ±{gap:g}"
     law = each.get("law") or {}

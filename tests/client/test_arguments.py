@@ -57,7 +57,7 @@ def test_rows_of_different_length() -> None:
         arguments.rows("phases", [[1, 2], [3]])
 
 
-@pytest.mark.parametrize("given", ["x", ["1", "2"], [b"1"], [{}], [10**400]])
+@pytest.mark.parametrize("given", ["x", ["1", "2"], [b"1"], [{}], [None, "x"], [10**400]])
 def test_arrays_of_something_else(given: Any) -> None:
     with pytest.raises(TypeError, match=r"^tau must be numbers, not "):
         arguments.numbers("tau", given)

@@ -53,6 +53,19 @@ def test_a_structure_says_what_it_is(structure: Any, said: str) -> None:
     assert repr(structure) == said
 
 
+@pytest.mark.parametrize(
+    ("stop", "said"),
+    [
+        (vi.constraint(0, {"upper": 0.5}), "stop at coordinate 0, from -inf to 0.5"),
+        ({"dof": 0}, "stop {'dof': 0}"),
+        ({"gap": "wide", "dof": 0}, "stop {'gap': 'wide', 'dof': 0}"),
+        ("none", "stop 'none'"),
+    ],
+)
+def test_what_only_the_service_refuses_has_a_text_too(stop: Any, said: str) -> None:
+    assert repr(vi.chain(2, [stop])) == f"<Structure chain: n 2, mass 1, stiffness 1; {said}>"
+
+
 def test_a_structure_stays_the_document_that_it_is() -> None:
     structure = vi.chain(3, [STOP])
     plain = {
