@@ -69,6 +69,8 @@ class _Allowed(NamedTuple):
 _allowed: Final[dict[int, _Allowed]] = {}
 """Thread -> what it may do."""
 _watching: Final[list[threading.Thread]] = []
+_limits: Final[dict[int, int]] = {}
+"""Process -> the limit that it has set itself, in seconds of its processor time."""
 
 
 def limit_call(name: str, seconds: float, tell: Callable[[str], None] | None = None) -> None:
@@ -120,11 +122,12 @@ def limit_processor_time(seconds: float) -> None:
 
     That is for loops that do not look at their signal. The limit is raised by later calls.
     """
-    soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
     # Two calls at the same time, and a margin for what the signal should have noticed.
     needed = math.ceil(time.process_time() + _AT_ONCE * seconds + _MARGIN_SECONDS)
-    if soft != resource.RLIM_INFINITY:
-        needed = max(needed, soft)
+    # One that came from the parent is about the parent's time.
+    needed = max(needed, _limits.get(os.getpid(), 0))
     if hard != resource.RLIM_INFINITY:
         needed = min(needed, hard)
     resource.setrlimit(resource.RLIMIT_CPU, (needed, hard))
+    _limits[os.getpid()] = needed

@@ -33,6 +33,18 @@ def test_a_call_that_does_not_look_at_its_signal_ends_with_its_process() -> None
     assert spin(0.5, 30.0) == -signal.SIGXCPU
 
 
+def test_a_limit_of_the_parent_does_not_count() -> None:
+    """A child of a worker, or of a program that computes, begins with no time of its own."""
+    child = [sys.executable, "-c", SPIN.format(seconds=0.5, spin=30.0)]
+    parent = f"""
+import resource, subprocess, sys
+resource.setrlimit(resource.RLIMIT_CPU, (60, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+sys.exit(-subprocess.run({child!r}).returncode)
+"""
+    ended = subprocess.run([sys.executable, "-c", parent], check=False, timeout=120)
+    assert ended.returncode == signal.SIGXCPU
+
+
 def test_a_call_within_its_limit_is_left_alone() -> None:
     assert spin(20.0, 1.0) == 0
 
