@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+Document = dict[str, Any]
+"""A request, or an object in one."""
 
 
 def number(name: str, given: Any) -> float:
@@ -113,6 +116,11 @@ def documents(name: str, given: Any) -> list[dict[str, Any]]:
         return [dict(each) for each in ([given] if isinstance(given, dict) else given)]
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be documents, not {_shown(given)}") from None
+
+
+def names(outputs: Sequence[str]) -> list[str]:
+    """Return the names of outputs, also of a single one."""
+    return [outputs] if isinstance(outputs, str) else list(outputs)
 
 
 def real(name: str, given: Any) -> Any:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, NotRequired, TypedDict, TypeVar
 # httpx2 is the maintained successor of httpx, with the same interface.
 import httpx2
 
+from vibroimpact.arguments import Document
 from vibroimpact.cache import Cache
 from vibroimpact.errors import (
     ConnectionFailed,
@@ -30,7 +31,6 @@ from vibroimpact.errors import (
 )
 from vibroimpact.parts import Parts
 from vibroimpact.plain import plain
-from vibroimpact.systems import Document
 from vibroimpact_schema import entries
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
+from vibroimpact.arguments import names
 from vibroimpact.derivatives import place_of
 from vibroimpact.local import Local
 from vibroimpact.plain import plain
-from vibroimpact.systems import names
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

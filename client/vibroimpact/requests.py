@@ -3,7 +3,38 @@
 Each takes what the method of the same name of `Client` takes, and returns what that method sends.
 """
 
-from vibroimpact.computations import REQUESTS
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from vibroimpact.computations import Computations
+
+if TYPE_CHECKING:
+    from vibroimpact import documents  # noqa: F401
+
+
+class _Requests(
+    Computations[
+        "documents.NaturalFrequenciesRequest",
+        "documents.ImpactModesRequest",
+        "documents.ExistenceBandsRequest",
+        "documents.ResonancesRequest",
+        "documents.PeriodicMotionsRequest",
+        "documents.BranchesRequest",
+        "documents.AttractorsRequest",
+        "documents.TimeHistoryRequest",
+        "documents.EnsembleRequest",
+        "documents.SlowFlowRequest",
+        "documents.SweepRequest",
+    ]
+):
+    def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
+        return dict(request)
+
+
+REQUESTS: Final = _Requests()
+"""Its methods return the request documents that the same methods of the clients send."""
 
 natural_frequencies_request = REQUESTS.natural_frequencies
 """Return the request document that `Client.natural_frequencies` sends."""

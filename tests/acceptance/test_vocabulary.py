@@ -44,7 +44,10 @@ _OF_THE_ENSEMBLE = "the member of an ensemble, a dimension of its results"
 EXCEPTIONS: dict[tuple[str, str], str] = {
     ("solvers/.*/(ensemble/.*|results/ensemble|time_history/many).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("openapi/vibroimpact_schema/(motions|requests).py", _MEMBER): _OF_THE_ENSEMBLE,
-    ("client/vibroimpact/(computations|motion_plots|result_file).py", _MEMBER): _OF_THE_ENSEMBLE,
+    (
+        "client/vibroimpact/(computations/histories|motion_plots|result_file).py",
+        _MEMBER,
+    ): _OF_THE_ENSEMBLE,
     ("client/vibroimpact/(documents|kinds).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("docs/(theory/time-histories|service/files).md", _MEMBER): _OF_THE_ENSEMBLE,
     ("benchmarks/(skips/sweeps|scaling).py|changes/.*", _MEMBER): _OF_THE_ENSEMBLE,

@@ -10,7 +10,7 @@ import pytest
 
 import vibroimpact as vi
 from vibroimpact import arguments
-from vibroimpact.computations import REQUESTS
+from vibroimpact.requests import REQUESTS
 
 CHAIN = vi.chain(3, [vi.constraint(1, 0.2)])
 

@@ -12,8 +12,8 @@ import xarray
 
 import vibroimpact as vi
 from vibroimpact import sweep_request
+from vibroimpact.grids import axis
 from vibroimpact.sweep_plots import draw
-from vibroimpact.systems import axis
 from vibroimpact_schema.sweeps import SweepRequest
 
 mpl.use("Agg")

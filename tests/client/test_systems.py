@@ -8,7 +8,8 @@ import scipy.sparse
 from pydantic import TypeAdapter
 
 import vibroimpact as vi
-from vibroimpact.systems import frequencies, matrix
+from vibroimpact.grids import frequencies
+from vibroimpact.systems import matrix
 from vibroimpact_schema.requests import ImpactModesRequest, SlowFlowRequest, TimeHistoryRequest
 from vibroimpact_schema.systems import System
 

@@ -1,0 +1,68 @@
+"""Fields of requests from the arguments of methods; None where an argument is absent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
+
+from vibroimpact import arguments
+from vibroimpact.arguments import Document
+from vibroimpact.grids import times
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from vibroimpact import documents
+
+    Values = ArrayLike | Mapping[str, object]
+    """An array, (start, stop, num), or a document with start, stop and num or step."""
+    Initial = documents.InitialState | documents.InitialMode | float | tuple[ArrayLike, ArrayLike]
+
+
+def present(**fields: Any) -> Document:
+    """Return the fields that have a value; those without one keep the service's default."""
+    return {name: value for name, value in fields.items() if value is not None}
+
+
+def indices(name: str, given: Iterable[int] | None) -> list[int] | None:
+    """Return indices, such as degrees of freedom."""
+    return None if given is None else arguments.integers(name, given)
+
+
+def number(name: str, given: float | None) -> float | None:
+    """Return a real number."""
+    return None if given is None else arguments.number(name, given)
+
+
+def integer(name: str, given: int | None) -> int | None:
+    """Return an integer."""
+    return None if given is None else arguments.integer(name, given)
+
+
+def values(name: str, given: ArrayLike | None) -> list[float] | None:
+    """Return real numbers as a list."""
+    return None if given is None else arguments.numbers(name, given)
+
+
+def output_times(given: Any) -> Any:
+    """Return the output times of a motion: a number of them, a list, or a grid."""
+    if given is None or isinstance(given, Integral):
+        return None if given is None else {"num": int(given)}
+    document = times(given, "t")
+    return document["values"] if set(document) == {"values"} else document
+
+
+def initial_state(initial: Initial) -> Document:
+    """Return the initial state: a document, the frequency of an impact mode, or (x, v)."""
+    if isinstance(initial, Mapping):
+        return dict(initial)
+    if isinstance(initial, int | float):
+        return {"impact_mode": {"Omega": float(initial)}}
+    if isinstance(initial, str | bytes) or not hasattr(initial, "__len__") or len(initial) != 2:
+        raise TypeError(
+            "initial must be (x, v), a document, or the frequency of an impact mode, not "
+            f"{initial!r:.60}"
+        )
+    x, v = initial
+    return {"x": values("x", x), "v": values("v", v)}

@@ -1,0 +1,121 @@
+"""Documents of what limits and damps single coordinates: stops and dashpots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from vibroimpact.arguments import integer, integers, number
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
+
+
+def constraint(
+    dof: int | None = None,
+    gap: float | documents.Limits | Mapping[str, float | None] = 0.0,
+    restitution: float | None = None,
+    *,
+    direction: Mapping[int, float] | None = None,
+    stiffness: float | None = None,
+    damping: float | None = None,
+) -> documents.Constraint:
+    """Return the document of a stop: rigid, or with a stiffness.
+
+    Parameters
+    ----------
+    dof : int
+        Index of the constrained degree of freedom, from 0.
+    gap : float or mapping
+        Distance to both walls, or ``{"lower": l, "upper": u}``; None stands for no wall.
+    restitution : float, optional
+        Newton's coefficient of restitution of a rigid stop, 1 (elastic) where absent; of a stop
+        with a stiffness, instead of its damping, that of a free mass.
+    direction : mapping of int to float
+        Alternative to `dof`: weight of each degree of freedom in the constrained coordinate.
+    stiffness : float, optional
+        Force by length beyond the wall; absent: the stop is rigid.
+    damping : float, optional
+        Force by velocity there; the force of the stop never pulls.
+
+    Examples
+    --------
+    >>> from vibroimpact import constraint
+    >>> constraint(0, gap=0.1, stiffness=1e4, damping=2.0)["law"]
+    {'type': 'linear', 'stiffness': 10000.0, 'damping': 2.0}
+    """
+    limits: Any = dict(gap) if isinstance(gap, Mapping) else number("gap", gap)
+    document: documents.Constraint = {"gap": limits}
+    if stiffness is not None:
+        document["law"] = _linear(stiffness, damping, restitution)
+    elif damping is not None:
+        raise ValueError("a stop with a damping needs a stiffness, which may be 0")
+    else:
+        document["restitution"] = 1.0 if restitution is None else number("restitution", restitution)
+    if direction is None:
+        document["dof"] = None if dof is None else integer("dof", dof)
+    else:
+        document["direction"] = direction_of(direction)
+    return document
+
+
+def _linear(
+    stiffness: float, damping: float | None, restitution: float | None
+) -> documents.LinearLaw:
+    """Return the document of the law of a stop with a stiffness."""
+    law: documents.LinearLaw = {"type": "linear", "stiffness": number("stiffness", stiffness)}
+    if damping is not None:
+        law["damping"] = number("damping", damping)
+    if restitution is not None:
+        law["restitution"] = number("restitution", restitution)
+    return law
+
+
+def has_stiff_stops(system: Mapping[str, Any]) -> bool:
+    """Return whether a constraint of a structure's document has a stiffness."""
+    given = system.get("constraints") or ()
+    return any((each.get("law") or {}).get("type", "rigid") != "rigid" for each in given)
+
+
+def soft(
+    exponent: float = 17.0, stiffness: float = 1.0, scale: float = 1.0
+) -> documents.PowerLimiter:
+    """Return soft limiters with the force ``-stiffness (y / (scale gap))^exponent``."""
+    return {
+        "law": "power",
+        "exponent": number("exponent", exponent),
+        "stiffness": number("stiffness", stiffness),
+        "scale": number("scale", scale),
+    }
+
+
+def dashpot(
+    dof: int | None = None, c: float = 0.0, *, direction: Mapping[int, float] | None = None
+) -> documents.Dashpot:
+    """Return the document of a viscous damper, of a degree of freedom or between several.
+
+    Parameters
+    ----------
+    dof : int
+        Index of the degree of freedom, from 0.
+    c : float
+        Its force by unit velocity.
+    direction : mapping of int to float
+        Alternative to `dof`: weight of each degree of freedom, such as ``{3: 1.0, 4: -1.0}``
+        between two.
+    """
+    weights = direction if dof is None else {dof: 1.0}
+    if weights is None or (dof is not None and direction is not None):
+        raise ValueError("a dashpot needs either a dof or a direction")
+    coordinate = direction_of(weights)
+    return {"dofs": coordinate["dofs"], "weights": coordinate["weights"], "c": number("c", c)}
+
+
+def direction_of(weights: Mapping[int, float]) -> documents.Direction:
+    """Return the document of a coordinate that is a sum of weighted degrees of freedom."""
+    if not isinstance(weights, Mapping):
+        raise TypeError(f"a direction must be {{dof: weight}}, not {weights!r:.60}")
+    return {
+        "dofs": integers("the degrees of freedom of a direction", list(weights)),
+        "weights": [number("a weight", weight) for weight in weights.values()],
+    }
