@@ -29,6 +29,7 @@ from vibroimpact_solvers.time_history.many import (
     solve_many,
     solve_states,
 )
+from vibroimpact_solvers.time_history.parts import Assembly, Part, join
 from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
@@ -44,15 +45,7 @@ from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import Prepared, prepare
 from vibroimpact_solvers.time_history.structure import prepared
-from vibroimpact_solvers.time_history.windows import (
-    Assembly,
-    Part,
-    Window,
-    follow,
-    join,
-    solve,
-    split,
-)
+from vibroimpact_solvers.time_history.windows import Window, follow, solve, split
 
 __all__ = [
     "EXACT",
