@@ -183,7 +183,7 @@ def test_a_ball_comes_to_rest_where_its_series_ends(digits: int) -> None:
     """t = (1 + k)/(1 - k) sqrt(2 h/g), with k and g as the doubles that were given."""
     ball = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, 0.5)])
     run = followed(problem(ball, [1.0], [0.0], 3.0), digits)
-    (rest,) = run.intervals
+    (rest,) = run.contacts.intervals
     with precision.working(2 * digits):
         g = flint.arb(9.81)
         exact = 3 * (2 / g).sqrt()

@@ -7,7 +7,7 @@ every decision is one that holds for all of them, or the motion is refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
@@ -17,6 +17,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.time_history.extended.contacts import Contacts
 from vibroimpact_solvers.time_history.extended.derivatives import (
     flow_map,
     product,
@@ -25,7 +26,7 @@ from vibroimpact_solvers.time_history.extended.derivatives import (
 )
 from vibroimpact_solvers.time_history.extended.enclosure import Enclosure
 from vibroimpact_solvers.time_history.extended.free_motion import Approach, Event, FreeMotion
-from vibroimpact_solvers.time_history.extended.impact_law import Blow, blows
+from vibroimpact_solvers.time_history.extended.impact_law import blows
 from vibroimpact_solvers.time_history.extended.places import Places
 from vibroimpact_solvers.time_history.extended.precision import (
     Matrix,
@@ -38,16 +39,13 @@ from vibroimpact_solvers.time_history.extended.precision import (
     undecided,
     widened,
     within,
-    working_digits,
 )
 from vibroimpact_solvers.time_history.extended.search import WHOLE, first_events
 from vibroimpact_solvers.time_history.extended.structure import REACH, Body, Configuration, Contact
 from vibroimpact_solvers.time_history.run import Tick
 
-_SWITCHES: Final = 50
 _LOST: Final = 1e3  # deviations over the motion that are followed at most
 _ACCUMULATED: Final = 40  # impacts within a millionth of the time of the fastest mode
-_EPS: Final = 2.0**-52
 _GROWTH: Final = math.exp(REACH) * (1.0 + 1e-9)
 
 
@@ -64,17 +62,6 @@ class Impact:
     velocity: Real
     impulse: Real
     condition: float
-
-
-@dataclass(slots=True)
-class ContactInterval:
-    """A contact."""
-
-    contact: Contact
-    start: Real
-    rest: Real
-    stop: Real
-    impulse: Real
 
 
 class Motion:
@@ -105,18 +92,13 @@ class Motion:
         self.now: Real = flint.arb(0)
         self.samples: list[tuple[Matrix, Matrix]] = []
         self.impacts: list[Impact] = []
-        self.intervals: list[ContactInterval] = []
         self.errors: list[tuple[Real, float]] = []
         self.grazings = self.expansions = 0
-        self._contacts: dict[Contact, ContactInterval] = {}
-        self._leaving: dict[Contact, int] = {}
         self._struck: list[Contact] = []
         self._size = 0.0
-        self._switched: tuple[float, int] = (-1.0, 0)
         self.configuration = body.configuration()
-        fastest = 1.0 / self.configuration.rate
-        self._chatter = real(fastest) * flint.arb(10) ** (-(working_digits() // 2) - 1)
-        self._accumulation_time = real(1e-6 * fastest)
+        self.contacts = Contacts(body, self._end)
+        self._accumulation_time = real(1e-6 * (1.0 / self.configuration.rate))
         self._begin(x, v)
 
     def finish(self) -> None:
@@ -132,8 +114,7 @@ class Motion:
                 self._impact(free_motion, zero, zero, zero, struck)
                 continue
             self._step(free_motion)
-        for rest in self._contacts.values():
-            rest.stop = self._end
+        self.contacts.end_all()
         if self._tick is not None:
             self._tick(1000, 1000)
 
@@ -167,7 +148,7 @@ class Motion:
                 if u * side > 0:
                     self._struck.append((index, side))
                 elif u != 0:
-                    self._leaving[(index, side)] = 1
+                    self.contacts.leaving[(index, side)] = 1
                 else:
                     at_rest.append((index, side))
         places = [column(list(map(real, self.body.restricted(z).tolist()))) for z in (x, v)]
@@ -176,7 +157,7 @@ class Motion:
         self._enclosure = Enclosure(self._radii(self.configuration, self.q, self.v))
         if at_rest:
             state = Places(self.configuration, self.q, self.v, self.q, self.v, force)
-            configuration = self._settled((), at_rest, {}, state)
+            configuration = self.contacts.settled(self.now, (), at_rest, {}, state)
             self.q, self.v = configuration.states(*places)
             self._enclosure = Enclosure(self._radii(configuration, self.q, self.v))
             self.configuration = configuration
@@ -192,12 +173,12 @@ class Motion:
         spread, box = self._spread(), self._enclosure.box
         watches = self.configuration.watches
         approaches = [Approach(free_motion, watch, box, spread) for watch in watches]
-        events, left = first_events(approaches, stop, self._leaving, self.now)
+        events, left = first_events(approaches, stop, self.contacts.leaving, self.now)
         self.expansions += 1
         if not events:
             self._sample(free_motion, stop, last=ends)
             self._drift(free_motion, stop)
-            self._leaving = left
+            self.contacts.leaving = left
             if ends:
                 self.now = self._end
             return
@@ -206,7 +187,7 @@ class Motion:
         for event in events:
             apart = abs(event.sigma - sigma)
             tight, wide = tight.max(apart + event.tight), wide.max(apart + event.wide)
-        self._leaving = left
+        self.contacts.leaving = left
         kinds = {(event.watch.force, event.most is None) for event in events}
         self._sample(free_motion, sigma, last=False)
         if kinds == {(False, True)}:
@@ -244,7 +225,7 @@ class Motion:
             q = widened(q, [off / w for w in weights])
             v = widened(v, [off] * v.nrows())
             self.samples.append(self.configuration.displacements(q, v))
-        if self._contacts:
+        if self.contacts.open:
             self._add_contact_impulses(free_motion, sigma)
 
     def _add_contact_impulses(self, free_motion: FreeMotion, sigma: Real) -> None:
@@ -252,7 +233,7 @@ class Motion:
         none = flint.arb(0)
         for watch in self.configuration.watches:
             if watch.force:
-                rest = self._contacts[watch.contact]
+                rest = self.contacts.open[watch.contact]
                 early = ((rest.rest - self.now) / free_motion.h).max(none).min(sigma)
                 force = Approach(free_motion, watch, [], none)
                 # The quantity is the tensile force over its level.
@@ -309,7 +290,7 @@ class Motion:
         """Apply the impacts of the constraints that meet their walls."""
         self.now += sigma * free_motion.h
         self._require_progress()
-        before = self.configuration
+        before, contacts = self.configuration, self.contacts
         state = self._places(free_motion, sigma, tight, wide)
         rows = [self.body.row(contact) for contact in fresh]
         speeds = [state.speed(row) for row in rows]
@@ -317,17 +298,16 @@ class Motion:
         given = blows(self.body, fresh, before.contacts, all_speeds, self.now)
         left = {c for blow in given for c in blow.released}
         for contact in left:
-            self._end_contact(contact)
-            self._leaving[contact] = 1
-        arrivals = {c: self._restitution(c) * u for c, u in zip(fresh, all_speeds, strict=True)}
-        first = len(self.intervals)
-        configuration = self._settled(
-            tuple(c for c in before.contacts if c not in left), fresh, arrivals, state, given
-        )
+            contacts.end(contact, self.now)
+            contacts.leaving[contact] = 1
+        arrivals = {c: contacts.restitution(c) * u for c, u in zip(fresh, all_speeds, strict=True)}
+        first = len(contacts.intervals)
+        kept = tuple(c for c in before.contacts if c not in left)
+        configuration = contacts.settled(self.now, kept, fresh, arrivals, state, given)
         q, v = state.after(configuration, given)
         radii = self._radii_at(configuration, q, v, state.force, tight * free_motion.h)
-        for interval in self.intervals[first:]:
-            more = self._chatter_error(configuration, interval, arrivals)
+        for interval in contacts.intervals[first:]:
+            more = contacts.chatter_error(configuration, interval, arrivals)
             radii = [r + more for r in radii]
         J = saltation(configuration, given, all_speeds, state, wide, self._size, self.now)
         self._carry(*product(J, flow_map(free_motion, sigma, wide)), radii)
@@ -345,127 +325,6 @@ class Motion:
                     speed = around(side * u, side * every)
                 self.impacts.append(Impact(time, index, side, speed, around(P, all_P), condition))
         self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
-
-    def _settled(
-        self,
-        held: tuple[Contact, ...],
-        landed: Iterable[Contact],
-        arrivals: dict[Contact, Real],
-        state: Places,
-        given: Sequence[Blow] = (),
-    ) -> Configuration:
-        """Decide which constraints rest at their walls, and return the new configuration.
-
-        Parameters
-        ----------
-        held : tuple
-            The contacts until now.
-        landed : iterable
-            Constraints at their walls.
-        arrivals : dict
-            Velocities with which those leave that were struck; none: they are at rest.
-        state : Places
-        given : sequence of Blow
-            The impacts.
-        """
-        contacts, waiting, freed = set(held), list(landed), set[Contact]()
-        rests: dict[Contact, Real] = {}
-        for _ in range(_SWITCHES):
-            configuration = self.body.configuration(frozenset(contacts))
-            q, v = state.all_after(configuration, given)
-            changed = False
-            for watch in configuration.watches:
-                if not watch.force:
-                    continue
-                tension = (watch.by_q * q)[0, 0] - watch.wall
-                tension += (watch.drive * state.force)[0, 0]
-                if watch.by_v is not None:
-                    tension += (watch.by_v * v)[0, 0]
-                if tension < 0:
-                    continue
-                if not tension > 0:
-                    index = watch.contact[0]
-                    raise undecided(f"whether constraint {index} is pressed on its wall", self.now)
-                contacts.remove(watch.contact)
-                freed.add(watch.contact)
-                changed = True
-                break
-            if not changed:
-                acceleration = configuration.E * configuration.accelerations(q, v, state.force)
-                for contact in waiting:
-                    if contact in contacts or contact in freed:
-                        continue
-                    push = (self.body.row(contact) * acceleration)[0, 0]
-                    rest = self._rest(contact, arrivals.get(contact, flint.arb(0)), push)
-                    if rest is not None:
-                        rests[contact] = rest
-                        contacts.add(contact)
-                        changed = True
-                        break
-            if not changed:
-                break
-        else:
-            raise ConvergenceError(f"contacts begin and end without end at t = {float(self.now)!r}")
-        for contact in set(held) - contacts:
-            self._end_contact(contact)
-            self._leaving[contact] = 2
-        for contact in waiting:
-            if contact in contacts:
-                speed = self._restitution(contact) * state.speed(self.body.row(contact))
-                rest = (self.now + rests[contact] * abs(speed)).min(self._end)
-                interval = ContactInterval(contact, self.now, rest, self._end, flint.arb(0))
-                self._contacts[contact] = interval
-                self.intervals.append(interval)
-            else:
-                arrived = arrivals.get(contact, flint.arb(0))
-                self._leaving[contact] = 1 if arrived > 0 else 2
-        return configuration
-
-    def _rest(self, contact: Contact, speed: Real, push: Real) -> Real | None:
-        """Return the time until a constraint at its wall rests there, per velocity.
-
-        None: it leaves.
-        """
-        k = self._restitution(contact)
-        if speed.is_zero():
-            if push > 0:
-                return flint.arb(0)
-            if push < 0:
-                return None
-            raise undecided(f"whether constraint {contact[0]} stays at its wall", self.now)
-        if not (k < 1 and push > 0):
-            return None
-        time = 2 / (push * (1 - k))
-        return time if time * speed <= self._chatter else None
-
-    def _chatter_error(
-        self, configuration: Configuration, interval: ContactInterval, arrivals: dict[Contact, Real]
-    ) -> Real:
-        """Return what a chatter changes in the other coordinates.
-
-        Its impulses do not act on them; they feel the stiffness and damping of the constrained
-        coordinate, which stays within ``u^2/p`` of its wall (u its velocity, p/2 what presses it
-        at least) and travels ``2 u^2/(p (1 - k^2))`` in all.
-        """
-        contact = interval.contact
-        speed = arrivals.get(contact, flint.arb(0))
-        if speed.is_zero():
-            return flint.arb(0)
-        k = self._restitution(contact)
-        duration = 2 * (interval.rest - interval.start)
-        push = 2 * speed / ((1 - k) * (interval.rest - interval.start))
-        far, path = speed * speed / push, 2 * speed * speed / (push * (1 - k * k))
-        place = configuration.contacts.index(contact)
-        held = column([row[place] for row in configuration.held.tolist()])
-        stiff = sum(map(abs, (configuration.onto * self.body.K * held).entries()), flint.arb(0))
-        total = stiff * far * duration
-        if self.body.C is not None:
-            damped = (configuration.onto * self.body.C * held).entries()
-            total += sum(map(abs, damped), flint.arb(0)) * path
-        return (4 * total).upper()
-
-    def _restitution(self, contact: Contact) -> Real:
-        return real(self.body.system.constraints[contact[0]].restitution)
 
     def _require_progress(self) -> None:
         """Raise where impacts accumulate, unless it is chatter of one lossy constraint."""
@@ -490,7 +349,7 @@ class Motion:
             raise undecided(f"whether constraint {contact[0]} strikes", self.now)
         self.grazings += 1
         stop = event.sigma + event.wide
-        restitution = self._restitution(contact)
+        restitution = self.contacts.restitution(contact)
         change = self.body.change(contact)
         impulse = (
             (1 + restitution) * event.most / free_motion.h / (self.body.row(contact) * change)[0, 0]
@@ -523,24 +382,14 @@ class Motion:
         state = self._places(free_motion, sigma, tight, wide)
         ended = {event.watch.contact for event in events}
         for contact in ended:
-            self._end_contact(contact)
-        configuration = self._settled(
-            tuple(c for c in before.contacts if c not in ended), (), {}, state
+            self.contacts.end(contact, self.now)
+        configuration = self.contacts.settled(
+            self.now, tuple(c for c in before.contacts if c not in ended), (), {}, state
         )
-        self._leaving |= dict.fromkeys(ended, 3)
+        self.contacts.leaving |= dict.fromkeys(ended, 3)
         q, v = state.after(configuration)
         J = release(configuration, events, state, free_motion.h, wide, self.now)
         radii = self._radii_at(configuration, q, v, state.force, tight * free_motion.h)
         self._carry(*product(J, flow_map(free_motion, sigma, wide)), radii)
-        self._count()
+        self.contacts.count(self.now)
         self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
-
-    def _end_contact(self, contact: Contact) -> None:
-        if contact in self._contacts:
-            self._contacts.pop(contact).stop = self.now
-
-    def _count(self) -> None:
-        now = float(self.now)
-        self._switched = (now, self._switched[1] + 1 if self._switched[0] == now else 1)
-        if self._switched[1] > _SWITCHES:
-            raise ConvergenceError(f"contacts begin and end without end at t = {now!r}")

@@ -129,7 +129,7 @@ def _impacts(run: Motion) -> dict[str, Any]:
 
 
 def _contacts(run: Motion) -> dict[str, Any]:
-    intervals = run.intervals
+    intervals = run.contacts.intervals
     return {
         "contact_start": _column([r.start for r in intervals]),
         "contact_rest": _column([r.rest for r in intervals]),
