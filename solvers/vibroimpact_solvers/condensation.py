@@ -38,10 +38,11 @@ import scipy.sparse
 
 from vibroimpact_solvers import precision
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.body import once_per_body
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import SymmetricMatrix
-from vibroimpact_solvers.model import System, once_per_body
+from vibroimpact_solvers.model import System
 
 Balls = Any
 """A matrix of balls, `flint.arb_mat`."""

@@ -16,15 +16,14 @@ array([[0., 1.]])
 from __future__ import annotations
 
 import math
-import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, wraps
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.body import Body
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.laws import ELASTIC, Law, Rigid
@@ -44,7 +43,6 @@ Coordinates = tuple[Coordinate, ...]
 
 __all__ = [
     "RANGE",
-    "Body",
     "ChainShape",
     "Constraint",
     "Coordinate",
@@ -53,7 +51,6 @@ __all__ = [
     "System",
     "Units",
     "listed",
-    "once_per_body",
     "within_range",
 ]
 
@@ -171,45 +168,6 @@ class ChainShape:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
-    """A structure without its limiters, the same object for all systems that `limited` returns.
-
-    What is computed from the matrices alone is kept beside it (`once_per_body`).
-    """
-
-    M: SymmetricMatrix
-
-    @cached_property
-    def solve_M(self) -> Solve:
-        """The function that solves with M."""
-        return self.M.factorize(definite=True)
-
-    def __getstate__(self) -> dict[str, object]:
-        """Return what is copied to other processes: without factors, which are quickly made."""
-        return {"M": self.M}
-
-
-Value = TypeVar("Value")
-
-
-def once_per_body(compute: Callable[[System], Value]) -> Callable[[System], Value]:
-    """Return a function of the matrices of a system that is computed once for each body.
-
-    Its values must not hold the system.
-    """
-    kept: weakref.WeakKeyDictionary[Body, Value] = weakref.WeakKeyDictionary()
-
-    @wraps(compute)
-    def value(system: System) -> Value:
-        try:
-            return kept[system.body]
-        except KeyError:
-            return kept.setdefault(system.body, compute(system))
-
-    return value
-
-
-@dataclass(frozen=True, eq=False)
 class System:
     """A structure with limiters.
 
@@ -267,14 +225,9 @@ class System:
                 message = f"{name} has {matrix.n} rows, M has {self.n}"
                 raise ModelError((name,), message, code="wrong_size")
         if self.force is not None:
-            force = np.array(self.force, dtype=np.float64)
-            if force.shape != (self.n,) or not np.isfinite(force).all():
-                message = f"the force needs {self.n} finite numbers"
-                raise ModelError(("force",), message, code="wrong_size")
-            force.setflags(write=False)
-            object.__setattr__(self, "force", force)
+            object.__setattr__(self, "force", self._of_dofs("force", self.force))
         if self.influence is not None:
-            object.__setattr__(self, "influence", self._checked_influence(self.influence))
+            object.__setattr__(self, "influence", self._of_dofs("influence", self.influence))
         self._check_constraints()
         self._check_magnitudes()
         object.__setattr__(self, "massless", self._without_mass())
@@ -357,54 +310,55 @@ class System:
             )
             raise ModelError(pointer, message, code="massless_load")
 
+    def _with(self, **changes: object) -> System:
+        """Return the same with other fields, none of which is checked again."""
+        system = object.__new__(System)
+        vars(system).update(vars(self), **changes)
+        return system
+
     def limited(self, constraints: Sequence[Constraint]) -> System:
         """Return the same structure with other limiters; its matrices are not checked again."""
-        system = object.__new__(System)
-        vars(system).update(vars(self), constraints=tuple(constraints))
+        system = self._with(constraints=tuple(constraints))
         system._check_constraints()
         system._check_massless()
         return system
 
-    def _checked_influence(self, given: Floats) -> Floats:
-        influence = np.array(given, dtype=np.float64)
-        if influence.shape != (self.n,) or not np.isfinite(influence).all():
-            message = f"the influence of the base needs {self.n} finite numbers"
-            raise ModelError(("influence",), message, code="wrong_size")
-        influence.setflags(write=False)
-        return influence
+    def _of_dofs(self, field: str, given: Floats) -> Floats:
+        """Return finite numbers, one for each degree of freedom, that nobody changes."""
+        numbers = np.array(given, dtype=np.float64)
+        if numbers.shape != (self.n,) or not np.isfinite(numbers).all():
+            what = "the force" if field == "force" else "the influence of the base"
+            message = f"{what} needs {self.n} finite numbers"
+            raise ModelError((field,), message, code="wrong_size")
+        numbers.setflags(write=False)
+        return numbers
 
     def on_base(self, influence: Floats) -> System:
         """Return the structure on a base, whose unit displacement moves it so, shape (dof,)."""
-        system = object.__new__(System)
-        vars(system).update(vars(self), influence=self._checked_influence(influence))
-        return system
+        return self._with(influence=self._of_dofs("influence", influence))
 
     def damped(self, C: SymmetricMatrix) -> System:
         """Return the structure with another damping matrix; M and K are not checked again."""
         if C.n != self.n:
             raise ModelError(("C",), f"C has {C.n} rows, M has {self.n}", code="wrong_size")
-        system = object.__new__(System)
         # What is kept beside a body may depend on its damping.
-        vars(system).update(vars(self), C=C, body=Body(self.M))
+        system = self._with(C=C, body=Body(self.M))
         system._check_magnitudes()
         system._check_massless()
         return system
 
     def _check_constraints(self) -> None:
         seen: dict[Coordinate, int] = {}
-        n = self.n
         for index, constraint in enumerate(self.constraints):
             for dof in constraint.dofs:
-                if not 0 <= dof < n:
+                if not 0 <= dof < self.n:
                     field = ("dof",) if len(constraint.dofs) == 1 else ("direction", "dofs")
-                    message = f"dof {dof} is not below the number of degrees of freedom, {n}"
+                    message = f"dof {dof} is not below the number of degrees of freedom, {self.n}"
                     pointer = ("constraints", index, *field)
                     raise ModelError(pointer, message, code="index_out_of_range")
-            first = seen.setdefault(constraint.line, index)
-            if first != index:
+            if (first := seen.setdefault(constraint.line, index)) != index:
                 message = f"it limits the same coordinate as constraint {first}: give it both walls"
-                pointer = ("constraints", index)
-                raise ModelError(pointer, message, code="duplicate_constraint")
+                raise ModelError(("constraints", index), message, code="duplicate_constraint")
 
     @property
     def coordinates(self) -> Coordinates:

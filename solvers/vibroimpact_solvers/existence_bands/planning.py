@@ -9,9 +9,10 @@ import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import receptance, spectrum, stability
+from vibroimpact_solvers.body import once_per_body
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
-from vibroimpact_solvers.model import System, once_per_body
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _BANDS = 0.7  # power of the number of poles with which that of bands grows, about

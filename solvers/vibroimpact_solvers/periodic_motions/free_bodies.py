@@ -15,8 +15,9 @@ import scipy.linalg
 
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.body import once_per_body
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import System, once_per_body
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.periodic_motions.balance import one_way
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Problem

@@ -9,11 +9,12 @@ import scipy.linalg
 
 from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.body import once_per_body
 from vibroimpact_solvers.condensation import Condensation
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import System, once_per_body
+from vibroimpact_solvers.model import System
 
 _STEPS = 24  # of the Lanczos iteration; fewer already come within a few percent
 

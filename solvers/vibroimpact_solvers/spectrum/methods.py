@@ -17,10 +17,11 @@ from scipy.linalg import lapack
 from vibroimpact_solvers import condensation
 from vibroimpact_solvers import precision as precise
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.body import Body
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
-from vibroimpact_solvers.model import Body, ChainShape, System
+from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
 from vibroimpact_solvers.spectrum import inertia, refinement, rounded_modes, static_rows
 from vibroimpact_solvers.spectrum.cache import CACHE

@@ -17,9 +17,10 @@ import scipy.sparse
 
 from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import Booleans, Floats
+from vibroimpact_solvers.body import Body
 from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import Body, System
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Modes

@@ -13,9 +13,10 @@ import numpy as np
 
 from vibroimpact_solvers import condensation, impact_modes, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.body import Body
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import Body, Coordinates, System
+from vibroimpact_solvers.model import Coordinates, System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.time_history.loads import Sampled, largest_frequency, samples
 from vibroimpact_solvers.time_history.problem import (

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.body import Body
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import modal as modal_kernels
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.flow import Watched
 from vibroimpact_solvers.matrices import SymmetricMatrix
-from vibroimpact_solvers.model import Body, Constraint, Coordinates, System
+from vibroimpact_solvers.model import Constraint, Coordinates, System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
 from vibroimpact_solvers.time_history.loads import Harmonic, Load, turns_slowly
