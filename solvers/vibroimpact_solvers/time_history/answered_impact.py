@@ -16,7 +16,8 @@ import numpy as np
 from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.kernels.deviations import EPS
 from vibroimpact_solvers.kernels.impact_law import MOREAU, NEWTON, POISSON, impulses
-from vibroimpact_solvers.time_history.structure import Contact, Structure
+from vibroimpact_solvers.time_history.contact_forces import Contact
+from vibroimpact_solvers.time_history.structure import Structure
 
 Moved = tuple[Floats, Floats]
 """A deviation as displacements and velocities (in the basis' time), each (dof,)."""

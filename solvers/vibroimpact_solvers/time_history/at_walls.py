@@ -17,7 +17,8 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.impact_law import impulses
 from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS
-from vibroimpact_solvers.time_history.structure import Contact, Structure
+from vibroimpact_solvers.time_history.contact_forces import Contact
+from vibroimpact_solvers.time_history.structure import Structure
 
 CHATTER: Final = 1e-8
 """Remaining time of a chatter, in units of the fastest mode, below which it is one sum."""

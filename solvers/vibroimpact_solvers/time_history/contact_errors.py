@@ -28,9 +28,10 @@ from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.output_errors import passage
 from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.time_history.contact_forces import Contact
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
-from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
+from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _TERMS: Final = 16.0  # roundings of the terms of a force, and of their sums, which are pairwise
 _LINEAR: Final = 0.125  # of a bounce, by which its end may be off for errors to be linear

@@ -20,11 +20,12 @@ from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Mov
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.contact_errors import ContactErrors
+from vibroimpact_solvers.time_history.contact_forces import Contact
 from vibroimpact_solvers.time_history.contact_impulses import Struck
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.history import History
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
-from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
+from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 Tick = Callable[[int, int], None]
 

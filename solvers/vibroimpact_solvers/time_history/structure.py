@@ -8,7 +8,6 @@ import math
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, Final
 
@@ -16,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers import condensation, spectrum
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.body import Body
-from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import modal as modal_kernels
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.flow import Watched
-from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import Constraint, Coordinates, System
 from vibroimpact_solvers.spectrum import Spectrum
+from vibroimpact_solvers.time_history import contact_forces
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
+from vibroimpact_solvers.time_history.contact_forces import Contact
 from vibroimpact_solvers.time_history.loads import Harmonic, Load, turns_slowly
 from vibroimpact_solvers.time_history.modal_equations import (
     Forces,
@@ -34,15 +33,7 @@ from vibroimpact_solvers.time_history.modal_equations import (
     without_contacts,
 )
 
-_EPS: Final = float(np.finfo(np.float64).eps)
-_UNCOUPLED: Final = 64.0 * _EPS  # of its terms, where a mobility or a force is rounding
-_DEPENDENT: Final = 1e12  # condition of mobilities, in units of their roots
-_REFINED: Final = 8  # passes, each of which gains four digits or more
 _ALTERNATING: Final = 2  # structures of one system that are kept: they are large
-Contact = tuple[int, int]
-"""A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
-
-
 _Key = tuple[spectrum.Method, tuple[Load, ...], frozenset[Load], float]
 _SHARED: weakref.WeakKeyDictionary[Body, dict[tuple[_Key, Coordinates], Shared]] = (
     weakref.WeakKeyDictionary()
@@ -238,24 +229,17 @@ class Structure:
 
     def _held(self, contacts: tuple[Contact, ...]) -> Configuration:
         """Return a configuration with contacts, the walls of the others not placed."""
-        self._require_independent(contacts)
+        contact_forces.require_independent(self.mobility, contacts)
         held, system = tuple(index for index, _ in contacts), self.system
         W, kept = self.W[[*held]], self._shared.held
         if held not in kept:
             solved = self.mass_solve(np.ascontiguousarray(W.T))
             kept[held] = with_contacts(system, self._shared.forces, W), solved
         modes, solved = kept[held]
-        modes = placed(modes, system, self._shared.forces, self._placed(contacts, W, solved))
+        modes = placed(
+            modes, system, self._shared.forces, contact_forces.at_walls(system, contacts, W, solved)
+        )
         return self._watched(Basis(modes, self.exponent), contacts)
-
-    def _require_independent(self, contacts: tuple[Contact, ...]) -> None:
-        """Refuse contacts of which one is a combination of the others: forces are not unique."""
-        held = [index for index, _ in contacts]
-        among, sizes = self.mobility[np.ix_(held, held)], np.sqrt(self.mobility.diagonal()[held])
-        if len(held) > 1 and np.linalg.cond(among / np.outer(sizes, sizes)) > _DEPENDENT:
-            which = ", ".join(map(str, held))
-            message = f"the constraints {which} depend on one another and rest at the same time"
-            raise ConvergenceError(f"{message}: how they share their force is not known")
 
     def displacements(
         self, configuration: Configuration, z: Floats, *, level: bool = True
@@ -337,35 +321,6 @@ class Structure:
         """Return ``M^-1 b``; what has no mass follows."""
         return np.asarray(condensation.solve_mass(self.system)(b))
 
-    def _placed(self, contacts: tuple[Contact, ...], W: Floats, solved: Floats) -> Floats:
-        """Return the combination of the columns ``M^-1 W^T`` that is at the walls, shape (dof,).
-
-        Of coordinates that are nearly the same a few digits would be lost: what is left is computed
-        exactly, until nothing changes.
-        """
-        base, among = np.zeros(W.shape[1]), W @ solved
-        for _ in range(_REFINED):
-            left = [self._left(contact, base) for contact in contacts]
-            moved = base + solved @ np.linalg.solve(among, left)
-            if (moved == base).all():
-                break
-            base = moved
-        return base
-
-    def _left(self, contact: Contact, x: Floats) -> float:
-        """Return how far the coordinate of a contact is from its wall, rounded once."""
-        terms = self.system.constraints[contact[0]].coordinate
-        y = sum((Fraction(w) * Fraction(float(x[dof])) for dof, w in terms), Fraction(0))
-        return float(Fraction(self.wall(contact)) - y)
-
-    def wall(self, contact: Contact) -> float:
-        """Return where the coordinate of a contact is."""
-        index, side = contact
-        constraint = self.system.constraints[index]
-        wall = constraint.upper if side > 0 else constraint.lower
-        assert wall is not None
-        return side * wall
-
     def _watched(self, basis: Basis, contacts: tuple[Contact, ...]) -> Configuration:
         """Return a configuration whose walls are not placed."""
         modes, fixed = basis.modes, {index for index, _ in contacts}
@@ -375,113 +330,44 @@ class Structure:
         level = np.asarray(basis.level(rows) + W @ modes.base)
         forms, slopes, kicks = basis.displacement(rows), basis.velocity(rows), basis.kick(rows)
         walls = np.zeros(count + len(contacts), rigid_state.WALL)
-        idle = np.zeros(0, dtype=np.bool_)
+        answers, idle = np.zeros((0, count)), np.zeros(0, dtype=np.bool_)
+        opens = np.full((2, count), rigid_state.NEVER)
         if contacts:
-            press, press_level, idle = self._contact_force_forms(basis, contacts)
+            held = self.W[[index for index, _ in contacts]]
+            press, press_level, idle = contact_forces.force_forms(
+                self.system, self._shared.forces, held, basis, contacts
+            )
+            answers = contact_forces.answers(self.mobility, free, contacts)
+            opens = contact_forces.opening(press, kicks, answers)
+            if basis.longest < np.inf:  # sums of growing kicks would lose their digits
+                opens[:] = rigid_state.MAYBE
+            opens[:, (answers[idle] != 0.0).any(axis=0)] = rigid_state.MAYBE  # they are struck, too
             forms = np.concatenate([forms, press])
             slopes = np.concatenate([slopes, basis.rates_of(press)])
             kicks = np.concatenate([kicks, np.zeros_like(press)])
             of_forces = walls[count:]
             of_forces["lower"], of_forces["upper"] = press_level, np.inf
             of_forces["size"], of_forces["restitution"] = np.abs(press_level), -1.0
+        walls["opens_lower"][:count], walls["opens_upper"][:count] = opens
         mobility = np.zeros((walls.size, walls.size))
         mobility[:count, :count] = rows @ rows.T
-        answers = self._answers(free, contacts)
-        opens = _opening(forms[count:], kicks[:count], answers)
-        if contacts and basis.longest < np.inf:  # sums of growing kicks would lose their digits
-            opens[:] = rigid_state.MAYBE
-        opens[:, (answers[idle] != 0.0).any(axis=0)] = rigid_state.MAYBE  # they are struck, too
-        walls["opens_lower"][:count], walls["opens_upper"][:count] = opens
         drifting = basis.drift(kicks)
         walls["acceleration"] = (slopes * drifting).sum(axis=(1, 2))
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
         watched = Watched(forms, slopes, kicks, drifting, size, high, low)
-        kernel = rigid_state.Structure(
-            basis.flow, watched, walls, mobility, errors_of(basis, watched)
-        )
+        errors = errors_of(basis, watched)
+        kernel = rigid_state.Structure(basis.flow, watched, walls, mobility, errors)
         without_force = frozenset(itertools.compress(contacts, idle))
         return Configuration(
             basis, contacts, answers, without_force, free, level,
             _changes(slopes[:count], kicks[:count]), kernel, rigid_state.handed_over(kernel),
         )  # fmt: skip
 
-    def _answers(self, free: tuple[int, ...], contacts: tuple[Contact, ...]) -> Floats:
-        """Return the impulses by which contacts keep closed, shape (contact, free constraint)."""
-        if not contacts or not free:
-            return np.zeros((len(contacts), len(free)))
-        held = [index for index, _ in contacts]
-        sides = np.array([side for _, side in contacts], dtype=np.float64)
-        among = self.mobility[np.ix_(held, held)] * np.outer(sides, sides)
-        coupling = self.mobility[np.ix_(held, free)]
-        sizes = np.sqrt(np.outer(self.mobility.diagonal()[held], self.mobility.diagonal()[[*free]]))
-        coupling = np.where(np.abs(coupling) <= _UNCOUPLED * sizes, 0.0, coupling)
-        return np.asarray(-np.linalg.solve(among, sides[:, np.newaxis] * coupling))
-
-    def _contact_force_forms(
-        self, basis: Basis, contacts: tuple[Contact, ...]
-    ) -> tuple[Floats, Floats, Booleans]:
-        """Return the forms of the contact forces, their levels, and where all are rounding."""
-        system, modes = self.system, basis.modes
-        W = self.W[[index for index, _ in contacts]]
-        sides = np.array([side for _, side in contacts], dtype=np.float64)
-        solve = condensation.solve_mass(system)
-        solved = solve(np.ascontiguousarray(W.T))
-        # The wall's force along W is -(W M^-1 W^T)^-1 W M^-1 (f - K x - C v); a coordinate is
-        # pressed with side times its negative.
-        onto = sides[:, np.newaxis] * np.linalg.solve(W @ solved, solved.T)
-        by_x = -(system.K @ np.ascontiguousarray(onto.T)).T
-        level = onto @ self.force + by_x @ modes.base
-        rows = by_x @ modes.shapes
-        sizes, stiffness = np.abs(onto), _magnitudes(system.K)
-        by_x_sizes = (stiffness @ np.ascontiguousarray(sizes.T)).T
-        idle = np.abs(level) <= _UNCOUPLED * (
-            sizes @ np.abs(self.force) + by_x_sizes @ np.abs(modes.base)
-        )
-        # A shape has roundings of others' size: where it is zero, they are all of it.
-        largest = np.abs(modes.shapes).max(axis=1, initial=0.0, keepdims=True)
-        idle &= (np.abs(rows) <= _UNCOUPLED * (by_x_sizes @ largest)).all(axis=1)
-        forms = basis.displacement(rows)
-        level = level + basis.level(rows)
-        if system.C is not None:
-            by_v = -(system.C @ np.ascontiguousarray(onto.T)).T @ modes.shapes
-            forms = forms + math.ldexp(1.0, basis.exponent) * basis.velocity(by_v)
-            by_v_sizes = (_magnitudes(system.C) @ np.ascontiguousarray(sizes.T)).T
-            idle &= (np.abs(by_v) <= _UNCOUPLED * (by_v_sizes @ largest)).all(axis=1)
-        harmonic = self.harmonic_loads
-        parts = harmonic.cosine, harmonic.sine, self.ramps.directions
-        for part in parts:
-            idle &= (np.abs(onto @ part) <= _UNCOUPLED * (sizes @ np.abs(part))).all(axis=1)
-        forms = forms + basis.load(*(onto @ part for part in parts))
-        forms[idle], level[idle] = 0.0, 0.0  # roundings would open them, or not let them open
-        return forms, level, idle
-
 
 def _places(constraints: Sequence[Constraint]) -> Floats:
     """Return distances to lower and upper walls, infinite where there is none, (2, constraint)."""
     each = [[math.inf if w is None else w for w in (c.lower, c.upper)] for c in constraints]
     return np.array(each).reshape(len(each), 2).T.copy()
-
-
-def _magnitudes(A: SymmetricMatrix) -> SymmetricMatrix:
-    """Return the matrix of the magnitudes of all entries."""
-    return SymmetricMatrix(np.abs(A.data), A.form, A.pattern)
-
-
-def _opening(forces: Floats, kicks: Floats, answers: Floats) -> Integers:
-    """Return whether impulses at lower and at upper walls open a contact, shape (2, free).
-
-    By the coupling of masses a contact may have to pull in the impact; damping that couples
-    velocities to its force may take from that what it has.
-    """
-    terms = forces[:, np.newaxis] * kicks  # (contact, free, 2, pair)
-    pushes, sizes = terms.sum(axis=(2, 3)), np.abs(terms).sum(axis=(2, 3))
-    pushes[np.abs(pushes) <= _UNCOUPLED * sizes] = 0.0
-    # The state changes by minus the kick at an upper wall.
-    less = np.array([(pushes < 0.0).any(axis=0), (pushes > 0.0).any(axis=0)])
-    pulls = np.array([(answers > 0.0).any(axis=0), (answers < 0.0).any(axis=0)])
-    return np.where(
-        pulls, rigid_state.MAYBE, np.where(less, rigid_state.BY_FORCE, rigid_state.NEVER)
-    )
 
 
 def errors_of(basis: Basis, watched: Watched) -> rigid_state.Errors:

@@ -25,6 +25,7 @@ from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import accurate_start, solving
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.contact_errors import masked
+from vibroimpact_solvers.time_history.contact_forces import Contact
 from vibroimpact_solvers.time_history.history import History, new_history
 from vibroimpact_solvers.time_history.parts import ROWS, SCALARS, Assembly, Part, RowLists
 from vibroimpact_solvers.time_history.planning import Method, windows
@@ -40,7 +41,7 @@ from vibroimpact_solvers.time_history.run import (
 )
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors
-from vibroimpact_solvers.time_history.structure import Contact, Structure
+from vibroimpact_solvers.time_history.structure import Structure
 
 
 @dataclass(frozen=True, eq=False, slots=True)
