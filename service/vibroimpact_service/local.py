@@ -14,13 +14,11 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, BinaryIO, Final, TypeVar, cast
+from typing import Any, BinaryIO, Final, cast
 
 from vibroimpact_schema.entries import Entry
 from vibroimpact_service import kinds, local_process, problems
 from vibroimpact_service.documents import planning, requests
-from vibroimpact_service.documents.planning import Planned
-from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers.kernels import inventory
@@ -157,27 +155,14 @@ def plan(kind: str, content: Mapping[str, Any]) -> dict[str, Any]:
     ------
     RefusedError
     """
-
-    def document(request: Request, planned: Planned) -> dict[str, Any]:
-        answer = {"kind": kind, "digest": request.digest, "seconds": planned.seconds}
-        return answer | {"cached": False, "inline": True} | planning.steps(planned.plan)
-
-    return _planned(kind, content, document)
-
-
-Answer = TypeVar("Answer")
-
-
-def _planned(
-    kind: str, content: Mapping[str, Any], answer: Callable[[Request, Planned], Answer]
-) -> Answer:
     try:
         request = requests.read(_CALLER, kinds.named(kind, "kind"), dict(content))
         with inventory.announced():
-            store = local_process.no_systems()
-            return answer(request, planning.plan(store, request.kind, request.document))
+            planned = planning.plan(local_process.no_systems(), request.kind, request.document)
     except Exception as error:
         fault = problems.of(error)
         if fault.type is problems.INTERNAL:
             raise
         raise RefusedError(fault.document(_CALLER).model_dump(mode="json")) from error
+    answer = {"kind": kind, "digest": request.digest, "seconds": planned.seconds}
+    return answer | {"cached": False, "inline": True} | planning.steps(planned.plan)

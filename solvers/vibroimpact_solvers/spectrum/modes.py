@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.model import Constraint
+
+_WIDE: Final = 100.0
+"""Ratio from which roundings of a deflection move the highest modes visibly."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,6 +49,12 @@ class Spectrum:
     def largest_frequency(self) -> float:
         """Largest magnitude of the roots."""
         return float(np.abs(self.roots).max(initial=0.0))
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the natural frequencies differ by more than a factor of 100, all being proved."""
+        moving = np.abs(self.roots[self.roots != 0.0])
+        return self.proved and bool(moving.size and moving.max() > _WIDE * moving.min())
 
     @property
     def modes(self) -> Floats:

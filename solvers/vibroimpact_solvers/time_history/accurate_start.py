@@ -1,4 +1,4 @@
-"""The start of a motion of a structure whose natural frequencies differ by much.
+"""The start of a motion of a structure whose natural frequencies differ by much (`is_wide`).
 
 Modal coordinates are ``e_j^T M x``. Of a deflection that varies slowly along the structure, those
 of the highest modes are differences of large terms: a rounding of the deflection would be a motion
@@ -24,19 +24,9 @@ from vibroimpact_solvers.spectrum import products
 from vibroimpact_solvers.time_history.run import Arrays
 from vibroimpact_solvers.time_history.structure import Structure
 
-_WIDE: Final = 100.0  # ratio of natural frequencies from which motions start so
 _ROUNDED: Final = 2.0  # roundings of each number of a state
 _GRAZING: Final = 1  # the row of `kernels.rigid_state.workspace`
 _NONE: Final = np.zeros((0, 0))
-
-
-def is_wide(structure: Structure) -> bool:
-    """Whether the natural frequencies of a structure, its modes being proved, differ by much."""
-    roots = np.abs(structure.natural.roots)
-    moving = roots[roots > 0.0]
-    if not (structure.natural.proved and moving.size):
-        return False
-    return float(moving.max()) > _WIDE * float(moving.min())
 
 
 def begin(structure: Structure, arrays: Arrays, x: Floats, v: Floats) -> None:

@@ -77,7 +77,7 @@ class RigidMotions:
         self._errors = self._every.of((configuration,))
         self._bare = result_values.values_of_exact_motion(problem)
         self._shape = (problem.system.n,)
-        self._wide = accurate_start.is_wide(structure)
+        self._wide = structure.natural.is_wide
 
     def _taken(self) -> Arrays:
         try:

@@ -216,7 +216,7 @@ class _WindowRun(Run):
         arrays = Arrays(structure, COLUMNS if problem.estimate else 0, dofs)
         arrays.progress[:] = new_progress(structure, problem, window.stop)
         initial = problem.initial
-        if before is None and isinstance(initial, State) and accurate_start.is_wide(structure):
+        if before is None and isinstance(initial, State) and structure.natural.is_wide:
             accurate_start.begin(structure, arrays, initial.x, initial.v)
         elif before is None:
             arrays.start(initial_state(problem, initial, structure))
