@@ -35,6 +35,8 @@ _TOGETHER: Final = 1.3
 """Ratio of times within which vibrations that die at different times do so at the last of them."""
 _TABLE: Final = 2**24
 """Numbers of a table at most."""
+_FEW: Final = 6
+"""Solutions from which on a table is quicker than as many evaluations of all pairs, measured."""
 _PIECE: Final = 2**20
 """Numbers that are there at once while a table is made."""
 _LOOKS: Final = 64
@@ -95,7 +97,7 @@ class Along:
         )
         n, dofs, modes = solved.index.size, x.trend.shape[1], v.trend.shape[1]
         peaks = np.full((n, 2, dofs), -np.inf)
-        if dofs and mesh.shared.size:
+        if dofs and mesh.ends[0] < solved.length.min():
             peaks = _reached(driven, outputs, cells, solved)
         sums = Sums(
             np.zeros((n, 2, dofs)), peaks, np.zeros((n, 2, 3)),
@@ -122,7 +124,7 @@ def _mesh(driven: Driven, cells: Cells, solved: Solutions, columns: int) -> Mesh
         load = float(cells.Omega[solved.index].max() * driven.harmonics.max(initial=0.0))
         begin = 0.0
         for end, speed in zip(ends, speeds, strict=True):
-            if not end < shortest:
+            if not end < shortest or solved.index.size < _FEW:
                 break
             width = end - begin
             panels = math.ceil(max(max(speed, load) * width / TURN, LEAST * width / shortest))
