@@ -2,6 +2,7 @@
 
     python -m benchmarks.guard                       # fails where a kernel needs more than usual
     python -m benchmarks.guard --usual               # stores the counts as the usual ones
+    python -m benchmarks.guard --usual "NAME"        # those of some kernels, such as new ones
     python -m benchmarks.guard --against CHECKOUT    # the kernels of another checkout beside ours
 
 Instructions are counted, as no neighbour on the machine changes their number. The kernels are
@@ -259,15 +260,15 @@ def main() -> int:
     parser.add_argument("--python", type=Path, help="its interpreter; else that of its .venv")
     parser.add_argument("names", nargs="*", help="kernels; all for none")
     given = parser.parse_args()
-    if given.usual and given.names:
-        parser.error("the usual counts are stored together: --usual goes without names")
+    if given.usual and given.names and usual()[1] != TOLERANCE:
+        parser.error("counts of some kernels go with the versions of the others: leave out names")
     try:
         counted = Checkout().counts(given.names)
     except FileNotFoundError as error:
         print(error, file=sys.stderr)
         return 2
     if given.usual:
-        store(counted)
+        store({**usual()[0], **counted} if given.names else counted)
     known, tolerance = usual()
     if given.against is not None:
         python = given.python or given.against.resolve() / ".venv/bin/python"

@@ -197,6 +197,21 @@ def _soft() -> Watched:
     return recorded(soft, "follow", work)
 
 
+def _switchings() -> Watched:
+    """Return a motion of a chain with two linear stops, whose scenes are prepared beforehand."""
+    from vibroimpact_solvers import presets
+    from vibroimpact_solvers.laws import Linear
+    from vibroimpact_solvers.model import Constraint
+    from vibroimpact_solvers.time_history.stops import motion
+
+    stops = [Constraint((dof,), (1.0,), 0.2, 0.2, law=Linear(100.0, 0.3)) for dof in (4, 8)]
+    v, outputs = np.random.default_rng(3).standard_normal(13), frozenset({"x", "contacts"})
+    work = _motion(presets.chain(13, stops), v, 20.0, t=np.linspace(2.0, 20.0, 10), outputs=outputs)
+    work()
+    with mock.patch.object(motion, "WORK", _WHOLE):
+        return recorded(motion, "follow", work)
+
+
 def slow_flow(place: str, name: str, model: str, variant: str) -> Watched:
     """Return a kernel of a slow flow at ten thousand times."""
     from benchmarks.error_against_time.slow_flows import motions
@@ -236,6 +251,7 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "time history, N=100": partial(_launch, 100, 10.0),
     "time history with 10 samples, N=13": partial(_samples, 10),
     "time history with samples, N=13": partial(_samples, 1001),
+    "linear stops, N=13": _switchings,
     "soft limiters": _soft,
     "slow flow, closed form": partial(
         slow_flow, "lossy_walls", "slow_flow", "restitution", "corrected"

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import subprocess
+import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -387,3 +391,22 @@ def test_processor_time_is_limited_where_the_clock_is_not() -> None:
     with pytest.raises(LimitPassedError):
         work()
     assert enforced == [0.05]
+
+
+def test_linear_algebra_has_one_thread_in_a_service() -> None:
+    """As it has in workers: its threads would wait for one another by turning."""
+    code = """
+import os, sys
+from vibroimpact_service import cli
+def end(modules):
+    print(os.environ["OPENBLAS_NUM_THREADS"], "numpy" in sys.modules)
+    raise SystemExit
+cli.forkserver.start = end
+cli.serve()
+"""
+    with tempfile.TemporaryDirectory() as data:
+        environment = {**os.environ, "VIBROIMPACT_DATA": data}
+        environment.pop("OPENBLAS_NUM_THREADS", None)
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "1 False"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def system(document: systems.AnySystem) -> System:
     """
     name = digest.content(digest.canonical(document)).encode()
     try:
-        return KNOWN.get(name, lambda: _Known(_whole(document))).system
+        return KNOWN.get(name, lambda: _Known(_limited(document))).system
     except OverflowError:
         message = "its numbers are too large for double precision"
         raise ModelError((), message, code="overflow") from None
@@ -73,6 +74,22 @@ _SMALL: Final = 64  # degrees of freedom up to which counting would take longer 
 _SMALL_BYTES: Final = 2**20
 KNOWN: Final = Cache(2**28, most=8)
 """Systems of recent requests, the checks of which and what was prepared for them are paid once."""
+
+
+_STRUCTURES: Final = WeakValueDictionary[str, System]()
+"""By their documents without limiters, the latest of each structure that is kept in `KNOWN`."""
+
+
+def _limited(document: systems.AnySystem) -> System:
+    """Return the system of a document, on the body of a known one that has other limiters.
+
+    Modes and contact configurations are then those of the known one.
+    """
+    name = digest.content(digest.canonical(document.model_copy(update={"constraints": []})))
+    known = _STRUCTURES.get(name)
+    of = _whole(document) if known is None else known.limited(constraints(document))
+    _STRUCTURES[name] = of
+    return of
 
 
 def _whole(document: systems.AnySystem) -> System:

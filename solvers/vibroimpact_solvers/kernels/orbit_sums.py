@@ -202,7 +202,7 @@ def integrate(
             if segment < mesh.shared.size:
                 node = progress.node
                 progress.node += n
-            rows = set_basis(flow, m, n, room)
+            rows = set_basis(flow, m, mesh, n, node, room)
             impulse = m.impulse[k, leg] if node >= 0 else 0.0
             set_coordinates(x, impulse, leg, rows, n, node, room, room.x, room.x_rows)
             set_coordinates(v, impulse, leg, rows, n, node, room, room.v, room.v_rows)

@@ -11,7 +11,8 @@ the last impact has set in motion (`kernels.flow`). The values of all of these a
 matrix, the factors of all coordinates are another one, and the coordinates their product.
 
 Pairs that die within the shortest free motion are the same after every impact but for its impulse.
-They are evaluated once, in a table at the nodes of the first panels, which all free motions share.
+They are evaluated once, in a table at the nodes of the first panels, which all free motions share,
+as are the propagators of the other pairs.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
-from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
+from vibroimpact_solvers.kernels.flow import EVEN, ODD, Z1, Z2, Flow
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, product, record
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
@@ -82,6 +83,8 @@ class Mesh(NamedTuple):
     shared: Integers  # (shared segment,): numbers of panels of those that all free motions share
     growth: Floats  # (pair,)
     dies: Booleans  # (pair,): whether it is in the table
+    row: Integers  # (pair,): of those that are not, in `lasting`
+    lasting: Floats  # (row, 2, node): their even and odd propagators at the table's nodes
     places: Floats  # (node,): nodes of a panel from 0 to 1
     weights: Floats  # (node,)
 
@@ -188,9 +191,27 @@ def _set_pair(
             first[k], second[k] = decay * (z1 + times[k] * z2), decay * z2
 
 
+@inline
+def _move_pair(
+    flow: Flow, j: int, z1: float, z2: float, propagator: Floats, first: Floats, second: Floats
+) -> None:
+    """Fill in both numbers of a pair by its propagators at times, (2, time)."""
+    back = z1
+    if j < flow.rotations:
+        back = -z1
+    elif j >= flow.hyperbolas_end:
+        back = 0.0
+    even, odd = propagator[EVEN], propagator[ODD]
+    for k in range(first.size):
+        first[k], second[k] = even[k] * z1 + odd[k] * z2, even[k] * z2 + odd[k] * back
+
+
 @inner
-def set_basis(flow: Flow, m: Motions, n: int, room: Room) -> int:
-    """Fill in what coordinates are sums over at n nodes, (row, n); return the number of rows."""
+def set_basis(flow: Flow, m: Motions, mesh: Mesh, n: int, node: int, room: Room) -> int:
+    """Fill in what coordinates are sums over at n nodes, (row, n); return the number of rows.
+
+    The first node has a place in the table, or -1.
+    """
     times, basis, place = room.times[:n], room.basis, TRENDS * n
     k, leg = room.progress[0].solution, room.progress[0].leg
     for i in range(n):
@@ -204,9 +225,12 @@ def set_basis(flow: Flow, m: Motions, n: int, room: Room) -> int:
     z = m.state[k, leg]
     for i in range(room.progress[0].lasting):
         j, end = room.moving[i], place + 2 * n
-        _set_pair(
-            flow, j, z[Z1, j], z[Z2, j], times, basis[place : place + n], basis[place + n : end]
-        )
+        first, second = basis[place : place + n], basis[place + n : end]
+        if node >= 0:
+            propagator = mesh.lasting[mesh.row[j], :, node : node + n]
+            _move_pair(flow, j, z[Z1, j], z[Z2, j], propagator, first, second)
+        else:
+            _set_pair(flow, j, z[Z1, j], z[Z2, j], times, first, second)
         place = end
     return place // n
 

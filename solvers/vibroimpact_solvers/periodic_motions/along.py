@@ -26,6 +26,7 @@ from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.outputs import Outputs
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.periodic_motions.waveform import displacements
 
 _NODES: Final = 12
 _PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
@@ -34,8 +35,14 @@ _TOGETHER: Final = 1.3
 """Ratio of times within which vibrations that die at different times do so at the last of them."""
 _TABLE: Final = 2**24
 """Numbers of a table at most."""
+_FEW: Final = 6
+"""Solutions from which on a table is quicker than as many evaluations of all pairs, measured."""
 _PIECE: Final = 2**20
 """Numbers that are there at once while a table is made."""
+_LOOKS: Final = 64
+"""Times in a free motion at which displacements are evaluated before their peaks are sought."""
+_BELOW: Final = 1e-9
+"""Part of their range by which what is known of extremes is lowered."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,7 +83,7 @@ class Along:
             for form, here in zip((outputs.x, outputs.rates), wanted, strict=True)
         ]
         struck = [impact.constraint for impact in problem.impacts][: solved.length.shape[1]]
-        tables = _tables(driven, forms, mesh, struck)
+        mesh, tables = _tables(driven, forms, mesh, struck)
         x, v = (_forms(driven, cells, *each) for each in zip(forms, tables, strict=True))
         x.trend[0] += outputs.still[: len(forms[0])]
         motions = _motions(driven, cells, solved)
@@ -89,8 +96,11 @@ class Along:
             outputs.load.copy(), damping.copy(), np.repeat(cells.amplification, 2, axis=1)
         )
         n, dofs, modes = solved.index.size, x.trend.shape[1], v.trend.shape[1]
+        peaks = np.full((n, 2, dofs), -np.inf)
+        if dofs and mesh.ends[0] < solved.length.min():
+            peaks = _reached(driven, outputs, cells, solved)
         sums = Sums(
-            np.zeros((n, 2, dofs)), np.full((n, 2, dofs), -np.inf), np.zeros((n, 2, 3)),
+            np.zeros((n, 2, dofs)), peaks, np.zeros((n, 2, 3)),
             np.zeros((n, modes)), np.zeros(n, dtype=np.int64),
         )  # fmt: skip
         room = _room(driven, dofs, modes)
@@ -114,19 +124,22 @@ def _mesh(driven: Driven, cells: Cells, solved: Solutions, columns: int) -> Mesh
         load = float(cells.Omega[solved.index].max() * driven.harmonics.max(initial=0.0))
         begin = 0.0
         for end, speed in zip(ends, speeds, strict=True):
-            if not end < shortest:
+            if not end < shortest or solved.index.size < _FEW:
                 break
             width = end - begin
-            shared.append(math.ceil(max(max(speed, load) * width / TURN, LEAST * width / shortest)))
+            panels = math.ceil(max(max(speed, load) * width / TURN, LEAST * width / shortest))
+            nodes = (1 + _NODES * (sum(shared) + panels)) * solved.length.shape[1]
+            if nodes * columns > _TABLE:
+                break
+            shared.append(panels)
             begin = end
         some = slice(0, pairs.hyperbolas.stop)
         dies[some] = (-pairs.growth * begin >= DEAD * (1.0 - 1e-9))[some]
-        nodes = (1 + _NODES * sum(shared)) * solved.length.shape[1]
-        if not dies.any() or nodes * columns > _TABLE:
-            dies[:], shared = False, []
+        if not dies.any():
+            shared = []
     return Mesh(
         np.array(ends), np.array(speeds), np.array(shared, dtype=np.int64), pairs.growth, dies,
-        _PLACES, _WEIGHTS,
+        np.zeros(dies.size, dtype=np.int64), np.zeros((0, 2, 0)), _PLACES, _WEIGHTS,
     )  # fmt: skip
 
 
@@ -158,9 +171,14 @@ def _times(mesh: Mesh) -> Floats:
 
 def _tables(
     driven: Driven, forms: list[Floats], mesh: Mesh, struck: list[int]
-) -> tuple[Floats, ...]:
-    """Return what unit impulses make of forms by the pairs that die, (impact, node, form) each."""
+) -> tuple[Mesh, tuple[Floats, Floats]]:
+    """Return what unit impulses make of forms by the pairs that die, (impact, node, form) each.
+
+    Also the mesh with the propagators of the other pairs at the same nodes.
+    """
     pairs, times, dies = driven.pairs, _times(mesh), np.flatnonzero(mesh.dies)
+    last = np.flatnonzero(~mesh.dies) if times.size else np.zeros(0, dtype=np.int64)
+    lasting = np.empty((last.size, 2, times.size))
     flat = np.concatenate(forms)[:, :, dies].reshape(sum(map(len, forms)), 2 * dies.size).T
     table = np.zeros((len(struck), times.size, flat.shape[1]))
     step = max(1, _PIECE // (2 * pairs.alpha.size))
@@ -169,15 +187,45 @@ def _tables(
     for first in range(0, times.size, step):
         look()
         some = slice(first, min(first + step, times.size))
-        even, odd = pairs.propagators(times[some])[..., dies].swapaxes(0, 1)
+        propagators = pairs.propagators(times[some])
+        lasting[..., some] = propagators[..., last].transpose(2, 1, 0)
+        even, odd = propagators[..., dies].swapaxes(0, 1)
         here = moved[: len(even)]
         for impact, constraint in enumerate(struck):
             a, b = driven.kick[constraint][:, dies]
             here[:, 0] = even * a + odd * b
             here[:, 1] = even * b + odd * (back * a)
             table[impact, some] = here.reshape(len(here), 2 * dies.size) @ flat
+    row = np.zeros(mesh.dies.size, dtype=np.int64)
+    row[last] = np.arange(last.size)
     first = len(forms[0])
-    return np.ascontiguousarray(table[..., :first]), np.ascontiguousarray(table[..., first:])
+    return mesh._replace(row=row, lasting=lasting), (
+        np.ascontiguousarray(table[..., :first]),
+        np.ascontiguousarray(table[..., first:]),
+    )
+
+
+def _reached(driven: Driven, outputs: Outputs, cells: Cells, solved: Solutions) -> Floats:
+    """Return extremes at a few times of each motion, the highest and minus the lowest ones.
+
+    Peaks are sought beside nodes that are not below these values alone. Without them, a motion
+    that grows from panel to panel would have peaks sought in each. Shape (solution, 2, dof).
+    """
+    parts = (np.arange(_LOOKS) + 0.5) / _LOOKS
+    legs = np.repeat(np.arange(solved.length.shape[1]), _LOOKS)
+    step = max(1, _PIECE // (legs.size * 2 * driven.pairs.alpha.size))
+    peaks = np.empty((solved.index.size, 2, len(outputs.x)))
+    for first in range(0, solved.index.size, step):
+        look()
+        rows = slice(first, min(first + step, solved.index.size))
+        some = solved.at(np.arange(rows.start, rows.stop))
+        times = (some.length[..., np.newaxis] * parts).reshape(-1, legs.size)
+        x = displacements(driven, outputs, cells, some, np.tile(legs, (len(times), 1)), times)
+        highest, lowest = x.max(axis=1) + outputs.still, x.min(axis=1) + outputs.still
+        # Extremes themselves are those of the quadrature, whose roundings are others.
+        below = _BELOW * (highest - lowest)
+        peaks[rows, 0], peaks[rows, 1] = highest - below, -lowest - below
+    return peaks
 
 
 def _forms(driven: Driven, cells: Cells, form: Floats, table: Floats) -> Forms:

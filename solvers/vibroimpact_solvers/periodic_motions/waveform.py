@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.outputs import Outputs
@@ -52,11 +52,33 @@ def _some(
     leg = np.maximum(leg, 0)
     row = np.arange(lengths.shape[0])[:, np.newaxis]
     times = since - begins[row, leg]
+    x = displacements(driven, outputs, cells, solved, leg, times)
+    return np.asarray(np.where(late, -1.0, 1.0)[..., np.newaxis] * x + outputs.still)
+
+
+def displacements(
+    driven: Driven, outputs: Outputs, cells: Cells, solved: Solutions, leg: Integers, times: Floats
+) -> Floats:
+    """Return displacements of few solutions, from those under the constant load.
+
+    Parameters
+    ----------
+    leg : array of int, shape (solution, time)
+        Free motions.
+    times : array, shape (solution, time)
+        From their beginnings.
+
+    Returns
+    -------
+    array, shape (solution, time, dof)
+    """
+    starts = solved.phase if solved.phase.size else np.zeros(solved.length.shape)
+    row = np.arange(solved.index.size)[:, np.newaxis]
+    phases = starts[row, leg] + cells.Omega[solved.index, np.newaxis] * times
     propagators = driven.pairs.propagators(np.ascontiguousarray(times.ravel()))
     propagators = propagators.reshape(*times.shape, *propagators.shape[1:])
     z = driven.pairs.move(propagators, solved.state[row, leg])
-    z += cells.at(solved.index).load_state(driven, starts[row, leg] + Omega * times)
+    z += cells.at(solved.index).load_state(driven, phases)
     driven.balance.carry(z, times)
     driven.balance.creep(z)
-    x = np.tensordot(z, outputs.x, ((2, 3), (1, 2)))
-    return np.asarray(np.where(late, -1.0, 1.0)[..., np.newaxis] * x + outputs.still)
+    return np.tensordot(z, outputs.x, ((2, 3), (1, 2)))

@@ -380,6 +380,34 @@ def test_systems_are_kept_as_long_as_their_memory_allows(known: Any) -> None:
     assert system(M=rows.tolist(), K=rows.tolist()) is not kept[0]
 
 
+@pytest.mark.parametrize("ratio", [None, 0.02])
+def test_systems_with_other_limiters_share_their_structure(known: Any, ratio: float | None) -> None:
+    def stopped(gap: float, stiffness: float = 1.0) -> System:
+        damping = {} if ratio is None else {"damping": {"ratio": ratio}}
+        stop = {**STOP, "gap": gap}
+        dashpot = {"dofs": [0], "weights": [1.0], "c": 0.1}
+        content = {"M": [[1.0]], "K": [[stiffness]], "constraints": [stop], "dashpots": [dashpot]}
+        return decode.system(SYSTEM.validate_python(content | damping))
+
+    one, other, stiff = stopped(0.5), stopped(0.7), stopped(0.7, 2.0)
+    assert one.body is other.body
+    assert stiff.body is not one.body
+    assert [each.constraints[0].upper for each in (one, other, stiff)] == [0.5, 0.7, 0.7]
+    known.clear()
+    again = stopped(0.7)
+    assert again.constraints == other.constraints
+    assert again.C is not None
+    assert other.C is not None
+    assert (again.C.to_dense() == other.C.to_dense()).all()
+    with pytest.raises(ModelError, match="not below") as error:
+        decode.system(
+            SYSTEM.validate_python(
+                {"M": [[1.0]], "K": [[2.0]], "constraints": [{**STOP, "dof": 1}]}
+            )
+        )
+    assert error.value.pointer[:2] == ("constraints", 0)
+
+
 def test_what_histories_prepare_for_a_system_counts_and_its_document_is_not_kept(
     known: Any,
 ) -> None:

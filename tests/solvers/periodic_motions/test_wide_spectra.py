@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.solvers import beams
 from vibroimpact_solvers import periodic_motions as driven
+from vibroimpact_solvers.kernels.orbits import Mesh
 from vibroimpact_solvers.periodic_motions import along, multipliers
 
 ALL = frozenset({"exists", "extremes", "energy", "multipliers", "waveform"})
@@ -31,13 +33,26 @@ def response(*, symmetric: bool = False, elements: int = 12) -> driven.Result:
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize("largest", [0, 20_000])
 def test_what_dies_may_be_evaluated_once_for_all(
-    symmetric: bool, monkeypatch: pytest.MonkeyPatch
+    symmetric: bool, largest: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Motions do not depend on whether dying vibrations come from a table."""
+    """Motions do not depend on which dying vibrations come from a table, nor on what it knows."""
+    shared, mesh = list[int](), along._mesh
+
+    def counted(*given: Any) -> Mesh:
+        made = mesh(*given)
+        shared.append(made.shared.size)
+        return made
+
+    monkeypatch.setattr(along, "_mesh", counted)
+    monkeypatch.setattr(along, "_FEW", 1)
     once = response(symmetric=symmetric)
-    monkeypatch.setattr(along, "_TABLE", 0)
+    monkeypatch.setattr(along, "_TABLE", largest)
     each = response(symmetric=symmetric)
+    whole, none, some, _ = shared
+    assert none == 0
+    assert 0 < some < whole if largest else some == 0
     for name in ("x_max", "x_min", "rms", "work", "energy_lost", "energy"):
         apart = np.abs(getattr(once, f"solution_{name}") - getattr(each, f"solution_{name}"))
         assert (apart <= 0.5 * getattr(once, f"error_{name}")).all(), name
