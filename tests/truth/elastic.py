@@ -50,7 +50,30 @@ def case(rng: np.random.Generator) -> Case:
     T = min([T, *(term[1][-1] for term in document.get("sampled", ()))])
     document["t"] = np.sort(rng.uniform(0.0, T, int(rng.choice([1, 3, 10])))).tolist()
     document["t_end"] = T
+    if rng.random() < 0.3:
+        _in_units(document, *(10.0 ** rng.uniform(-9.0, 9.0, 2)).tolist())
     return Case(name, document)
+
+
+def _in_units(document: Document, length: float, mass: float) -> None:
+    """Let a motion have other units of length and of mass, those of time unchanged."""
+    for key, unit in (
+        ("M", mass), ("K", mass), ("C", mass), ("x", length), ("v", length),
+        ("force", mass * length),
+    ):  # fmt: skip
+        if document.get(key) is not None:
+            document[key] = (np.array(document[key]) * unit).tolist()
+    for c in document["constraints"]:
+        for key in ("lower", "upper"):
+            c[key] = None if c[key] is None else c[key] * length
+        for key in ("stiffness", "damping"):
+            c[key] *= mass
+    push = mass * length
+    document["load"] = [(a, f * push, *rest) for a, f, *rest in document.get("load", ())]
+    document["sampled"] = [
+        (shape, times, (np.array(values) * push).tolist())
+        for shape, times, values in document.get("sampled", ())
+    ]
 
 
 def _large(rng: np.random.Generator) -> Document:

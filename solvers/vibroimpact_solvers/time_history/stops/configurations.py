@@ -126,17 +126,20 @@ class StoppedStructure(StoppedModes):
         turn = after.vectors.T @ before.vectors
         shift = turn @ one.still + after.vectors.T @ (before.origin - after.origin) - other.still
 
-        def carried(z: Floats) -> Floats:
+        def carried(z: Floats, shift: Floats | float, loads: Floats) -> Floats:
             q, rate = one.coordinates(z)
-            return other.pairs_of(turn @ q + shift, turn @ rate, one.loads_of(z)).ravel()
+            return other.pairs_of(turn @ q + shift, turn @ rate, loads).ravel()
 
         size = 2 * one.pairs
-        offset = carried(np.zeros((2, one.pairs)))
+        none = np.zeros((2, one.pairs))
+        constant = one.loads_of(none)
+        offset = carried(none, shift, constant)
         units = np.eye(size).reshape(size, 2, one.pairs)
         columns = np.empty((size, 2 * other.pairs))
         for row, unit in zip(columns, units, strict=True):
             look()
-            row[:] = carried(unit) - offset
+            # Not as a difference from the offset, which may be larger by any number of digits.
+            row[:] = carried(unit, 0.0, one.loads_of(unit) - constant)
         terms = np.abs(turn) @ before.terms + after.terms
         terms += np.abs(after.vectors).T @ (np.abs(before.origin) + np.abs(after.origin))
         return Passage(np.ascontiguousarray(columns.T), offset, after.sizes_of(terms))
