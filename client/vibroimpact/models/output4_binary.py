@@ -62,6 +62,8 @@ class _Records:
         start = self.at + 4
         size = _number(self.data, self.at, self.order)
         end = start + size
+        if size % 4:
+            raise _wrong(self.at, f"a record of {size} bytes is no whole number of words")
         if end + 4 > len(self.data):
             raise _wrong(self.at, "the file ends within a record")
         if _number(self.data, end, self.order) != size:
@@ -158,7 +160,7 @@ def _assembled(
 ) -> Any:
     counts = np.array(place.count, dtype=np.int64)
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    # Numbers begin at any multiple of four bytes: records have lengths of that size.
+    # Numbers begin at any multiple of four bytes: so do records.
     size = np.dtype(kind).itemsize
     units = np.frombuffer(file.data, "V4", len(file.data) // 4)
     first = np.repeat(np.array(place.byte, dtype=np.int64) // 4, counts) + within * (size // 4)

@@ -57,6 +57,10 @@ _BY_ENDING: Final[Mapping[str, str]] = {".sti": "K", ".mas": "M"}
 """Ending -> which matrix such a file has."""
 _NAMED: Final = 10
 """Names of what is not used that a warning lists."""
+_ROWS: Final = 1 << 20
+_ROWS_EACH: Final = 100
+"""Rows of a matrix of any file, and more for each of its entries: so many more are damage. Memory
+goes by the rows, which one wrong digit of an index may multiply."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,18 +153,28 @@ def read_model(
     together, own = _together(_once_each(files))
     missing = {"M", "K"} - set(together)
     if missing:
-        raise ValueError(f"{' and '.join(sorted(missing))} missing; there are {list(together)}")
+        have = f"; there is {' and '.join(sorted(together))}" if together else ""
+        raise _of_files(files, f"{' and '.join(sorted(missing))} missing{have}")
     C = _damping(together, structural_at, files)
     known = _nodes(coordinates, nodes)
     rows = _labels(labels, own, known, together["K"].shape[0])
-    model = Model(
-        together["M"], together["K"], C, rows, known.coordinates, units, rounding, symmetrize,
-        known.elements,
-    )  # fmt: skip
+    try:
+        model = Model(
+            together["M"], together["K"], C, rows, known.coordinates, units, rounding, symmetrize,
+            known.elements,
+        )  # fmt: skip
+    except ValueError as error:
+        raise _of_files(files, error) from None
     if not supports:
         return model
     free = [row for row, each in enumerate(model.labels) if each not in known.held]
     return model.part(free)
+
+
+def _of_files(files: Sequence[_File], reason: object) -> ValueError:
+    """Return an error of what files have together."""
+    paths = ", ".join(dict.fromkeys(str(file.path) for file in files))
+    return ValueError(f"{paths}: {reason}" if paths else str(reason))
 
 
 def _nodes(coordinates: Mapping[int, Any] | str | Path | None, nodes: str | Path | None) -> Nodes:
@@ -298,6 +312,11 @@ def _numbers(path: Path, name: str, matrix: Any) -> Any:
     shape = getattr(matrix, "shape", ())
     if not 1 <= len(shape) <= 2 or getattr(matrix, "dtype", np.dtype(object)).kind not in "biufc":
         raise ValueError(f"{path}: {name} is no matrix of numbers")
+    filled = matrix.nnz if hasattr(matrix, "nnz") else matrix.size
+    if max(shape) > _ROWS + _ROWS_EACH * filled:
+        size = " x ".join(map(str, shape))
+        reason = f"{size}, but only {filled} of its entries are given"
+        raise ValueError(f"{path}: {name} is {reason}: a size or an index is wrong")
     if len(shape) == 1 or (min(shape) == 1 and max(shape) > 1):
         dense = matrix.toarray() if hasattr(matrix, "toarray") else matrix
         matrix = sparse.coo_array(sparse.diags_array(np.ravel(dense)))
