@@ -26,6 +26,7 @@ from vibroimpact.errors import (
     InvalidRequest,
     JobTimeout,
     ServerError,
+    VibroimpactError,
     from_problem,
     warn_of_neglected,
 )
@@ -202,9 +203,13 @@ def ask(
 
 def _content(answer: httpx2.Response) -> bytes | Parts:
     """Return what an answer has of a result: its file, or its parts."""
-    if answer.headers.get("Content-Type") == entries.MEDIA_TYPE:
+    if answer.headers.get("Content-Type") != entries.MEDIA_TYPE:
+        return answer.content
+    try:
         return Parts(entries.unpack(answer.content))
-    return answer.content
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        message = f"the service answered with arrays that are damaged: {error}"
+        raise VibroimpactError(message) from None
 
 
 def plan(kind: str, content: Mapping[str, Any]) -> Conversation[documents.Plan]:

@@ -184,6 +184,11 @@ def _number(request: Mapping[str, Any], path: str) -> float:
     """
     parts = path.split(".")
     if _is_factor(parts):
+        system = request.get("system")
+        if not isinstance(system, Mapping) or system.get(parts[1]) is None:
+            preset = isinstance(system, Mapping) and "preset" in system
+            instead = ": the structure is a preset; vary its parameters instead" if preset else ""
+            raise ValueError(f"{path}: the request has no matrix {parts[1]}{instead}")
         return 1.0
     try:
         value = _inner(request, parts)
@@ -205,10 +210,7 @@ def _put(request: dict[str, Any], path: str, value: float) -> None:
     """Put a number at a path of a request; entries of matrices stay symmetric."""
     parts = path.split(".")
     if _is_factor(parts):
-        matrix = request["system"].get(parts[1])
-        if matrix is None:
-            raise ValueError(f"{path}: the structure is a preset; vary its parameters instead")
-        request["system"][parts[1]] = _scaled(matrix, value)
+        request["system"][parts[1]] = _scaled(request["system"][parts[1]], value)
         return
     *outer, last = parts
     holder = _inner(request, outer)

@@ -66,7 +66,16 @@ def unpack(data: bytes) -> list[Entry]:
     ValueError
         Where the bytes are not what `pack` returned.
     """
+    try:
+        return _unpacked(data)
+    except (TypeError, RecursionError) as error:  # of lists and numbers that are something else
+        raise ValueError(str(error)) from None
+
+
+def _unpacked(data: bytes) -> list[Entry]:
     start = 8 + int.from_bytes(data[:8], "little")
+    if start > len(data):
+        raise ValueError("the text ends early")
 
     def restored(value: dict[str, Any]) -> Any:
         if value.keys() == {"texts"}:

@@ -87,6 +87,22 @@ def test_wrong_functions(inputs: list[str], outputs: list[str], fault: str) -> N
         vi.function("impact-modes", REQUEST, inputs, outputs)
 
 
+@pytest.mark.parametrize(
+    ("request_document", "fault"),
+    [
+        (REQUEST | {"system": {"preset": "chain", "n": 2}}, "has no matrix C: the structure is a"),
+        (REQUEST | {"system": REQUEST["system"] | {"C": None}}, "the request has no matrix C$"),
+        (REQUEST | {"system": "0" * 64}, "the request has no matrix C$"),
+        ({}, "the request has no matrix C$"),
+    ],
+)
+def test_factors_of_matrices_that_are_not_there(
+    request_document: dict[str, Any], fault: str
+) -> None:
+    with pytest.raises(ValueError, match=fault):
+        vi.function("impact-modes", request_document, ["system.C.scale"], ["momentum"])
+
+
 def test_wrong_points_and_outputs() -> None:
     f = vi.function("impact-modes", REQUEST, [GAP], ["exists"])
     with pytest.raises(ValueError, match="shape"):

@@ -162,3 +162,17 @@ def test_a_streamed_result_goes_to_its_file_alone(tmp_path: Path) -> None:
     assert transport.hold(conversations.job_result({"id": "a"}, path)) == path
     assert path.read_bytes() == b"onetwo"
     assert [each.name for each in tmp_path.iterdir()] == ["result.h5"]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"<html>gateway</html>", (4).to_bytes(8, "little") + b"null",
+     (16).to_bytes(8, "little") + b'[["array",["x"]]', (28).to_bytes(8, "little")
+     + b'[["link",["a","b"]]]        ', (2**63).to_bytes(8, "little") + b"[]"],
+)  # fmt: skip
+def test_arrays_that_are_damaged_are_an_error_of_the_client(content: bytes) -> None:
+    headers = {"Content-Type": "application/x-vibroimpact"}
+    played = Played(httpx2.Response(200, content=content, headers=headers))
+    transport = Transport("http://service", 5.0, httpx2.MockTransport(played))
+    with pytest.raises(errors.VibroimpactError, match="arrays that are damaged"):
+        transport.hold(conversations.ask("impact-modes", {}))
