@@ -17,6 +17,7 @@ import numpy as np
 from vibroimpact.errors import MissingExtra
 from vibroimpact.parts import Dataset, Group, Parts
 from vibroimpact.tables import Array, Table, decoded, is_group_of
+from vibroimpact_schema.times import SECONDS
 
 if TYPE_CHECKING:
     import h5py
@@ -347,22 +348,11 @@ def _plain(values: Any) -> Any:
     return given.tolist()
 
 
-_SECONDS: Final = {
-    "ns": 1e-9,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "ms": 1e-3,
-    "s": 1.0,
-    "min": 60.0,
-    "h": 3.6e3,
-}
-
-
 def _per_turn(unit: str, time: str) -> float:
     """Return what 1 rad per unit of time is in Hz or revolutions per minute."""
-    if unit not in ("Hz", "rpm") or time not in _SECONDS:
+    if unit not in ("Hz", "rpm") or time not in SECONDS:
         raise ValueError(f"frequencies per {time} have no value in {unit!r}: Hz, rpm, Omega, omega")
-    return (60.0 if unit == "rpm" else 1.0) / (2.0 * np.pi * _SECONDS[time])
+    return (60.0 if unit == "rpm" else 1.0) / (2.0 * np.pi * SECONDS[time])
 
 
 def _is_bare(file: h5py.File | Group, name: str) -> bool:

@@ -15,7 +15,7 @@ from tests.truth.verdicts import Case, Report, stated_error
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.laws import Linear
-from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.model import System
 
 MAKERS = (
     "plain", "damped", "coupled", "loaded", "pressed", "grazing", "small_gaps", "sampled", "free",
@@ -90,20 +90,7 @@ def _large(rng: np.random.Generator) -> Document:
 
 def system(document: Document) -> System:
     """Return the solvers' structure."""
-    parts: dict[str, Any] = {}
-    if document.get("C") is not None:
-        parts["C"] = SymmetricMatrix.dense(document["C"])
-    if document.get("force") is not None:
-        parts["force"] = np.array(document["force"])
-    stops = tuple(
-        Constraint(
-            tuple(c["dofs"]), tuple(c["weights"]), c["lower"], c["upper"],
-            law=Linear(c["stiffness"], c["damping"]),
-        )
-        for c in document["constraints"]
-    )  # fmt: skip
-    M, K = SymmetricMatrix.dense(document["M"]), SymmetricMatrix.dense(document["K"])
-    return System(M, K, stops, **parts)
+    return structures.system(document, lambda c: Linear(c["stiffness"], c["damping"]))
 
 
 def truth(document: Document) -> StoppedHistory:

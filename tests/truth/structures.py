@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from tests.reference.balls import Structure
 from tests.reference.impact_modes import Limiter
+from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 Document = dict[str, Any]
@@ -118,19 +120,21 @@ def constraints(rng: np.random.Generator, n: int, most: int = 3) -> list[dict[st
     return kept
 
 
-def system(document: Document) -> System:
-    """Return the solvers' structure."""
+def system(document: Document, law: Callable[[dict[str, Any]], Linear] | None = None) -> System:
+    """Return the solvers' structure, with rigid limiters or with the law of each."""
     parts: dict[str, Any] = {}
     if document.get("C") is not None:
         parts["C"] = SymmetricMatrix.dense(document["C"])
     if document.get("force") is not None:
         parts["force"] = np.array(document["force"])
-    limiters = tuple(
-        Constraint(
-            tuple(c["dofs"]), tuple(c["weights"]), c["lower"], c["upper"], c["restitution"]
+
+    def limiter(c: dict[str, Any]) -> Constraint:
+        place = tuple(c["dofs"]), tuple(c["weights"]), c["lower"], c["upper"]
+        return (
+            Constraint(*place, c["restitution"]) if law is None else Constraint(*place, law=law(c))
         )
-        for c in document["constraints"]
-    )  # fmt: skip
+
+    limiters = tuple(limiter(c) for c in document["constraints"])
     M, K = SymmetricMatrix.dense(document["M"]), SymmetricMatrix.dense(document["K"])
     return System(M, K, limiters, **parts)
 

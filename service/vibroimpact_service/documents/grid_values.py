@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_schema import grids
+from vibroimpact_schema.times import SECONDS
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Units
@@ -48,16 +49,6 @@ def decimal_steps(start: float, step: float, count: int) -> Floats | None:
     return values
 
 
-_SECONDS: Final = {
-    "ns": 1e-9,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "ms": 1e-3,
-    "s": 1.0,
-    "min": 60.0,
-    "h": 3.6e3,
-}
-"""Seconds in a unit of time."""
 _PER_SECOND: Final = {"Hz": 1.0, "rpm": 1.0 / 60.0}
 
 
@@ -74,10 +65,10 @@ def to_fundamental(
     if unit not in _PER_SECOND:
         return 1.0 if unit == "Omega" else 0.5 * np.pi
     time = "s" if units is None else units.time
-    if time not in _SECONDS:
-        message = f"{unit} needs a unit of time that is one of {', '.join(_SECONDS)}, not {time}"
+    if time not in SECONDS:
+        message = f"{unit} needs a unit of time that is one of {', '.join(SECONDS)}, not {time}"
         raise ModelError(where, message, code="unknown_unit")
-    return 2.0 * np.pi * _PER_SECOND[unit] * _SECONDS[time]
+    return 2.0 * np.pi * _PER_SECOND[unit] * SECONDS[time]
 
 
 def frequencies(grid: Any, units: Units | None = None) -> tuple[Floats, Floats]:
