@@ -241,6 +241,7 @@ def test_a_beam_has_its_stop_at_the_tip_and_answers_with_units(
     expect(page.get_by_label("Lower gap (m)")).to_have_value("0.004")
     expect(page.locator(".values").first).to_contain_text(re.compile(r"rad/s = \d+(\.\d+)? Hz"))
     expect(page.get_by_label("Units")).to_have_count(0)  # they are known now
+    page.wait_for_timeout(500)  # until the address has it
     page.reload()
     expect(page.get_by_label("Ω from (rad/s)")).to_be_visible()
     expect(page.get_by_text("Stop 0 at coordinate 14 (node 8, y)")).to_be_visible()
