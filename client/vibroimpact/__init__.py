@@ -101,6 +101,11 @@ def __getattr__(name: str) -> Any:
     return getattr(models, name)
 
 
+def __dir__() -> list[str]:
+    """Return what the package offers, that which needs scipy included."""
+    return __all__
+
+
 __all__ = [
     "AccessDenied",
     "AsyncClient",

@@ -19,7 +19,21 @@ if TYPE_CHECKING:
 def harmonic(
     dof: int, amplitude: float, frequency: float, phase: float = 0.0
 ) -> documents.HarmonicLoad:
-    """Return a load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
+    """Return a load ``amplitude cos(frequency t + phase)`` on one degree of freedom.
+
+    It is a load of time histories and ensembles; that of periodic motions comes from `drive`.
+
+    Parameters
+    ----------
+    dof : int
+        The degree of freedom on which it acts.
+    amplitude : float
+        Force, mass length / time².
+    frequency : float
+        Angular frequency, radians by the structure's unit of time: 2 π f of f in Hz.
+    phase : float
+        Phase in radians.
+    """
     return {
         "dof": integer("dof", dof),
         "amplitude": number("amplitude", amplitude),

@@ -61,6 +61,10 @@ class Local(
     def close(self) -> None:
         """Do nothing: there is nothing to close."""
 
+    def __repr__(self) -> str:
+        """Return what it is."""
+        return "<Local: computes in a process beside the program>"
+
     def __enter__(self) -> Self:
         """Return the object."""
         return self

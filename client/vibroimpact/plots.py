@@ -381,11 +381,12 @@ def _height(result: ResultFile, dof: int | None) -> tuple[Array, str]:
     rows = result.solution
     if "x_max" in rows:
         dof, column = column_of(result, dof)
-        return 0.5 * (rows.x_max[:, column] - rows.x_min[:, column]), rf"amplitude of $x_{{{dof}}}$"
+        text = label(rf"amplitude of $x_{{{dof}}}$", result, "solution/x_max")
+        return 0.5 * (rows.x_max[:, column] - rows.x_min[:, column]), text
     height = np.zeros(rows.Omega.size)
     solutions, first = np.unique(result.impact.solution, return_index=True)
     height[solutions] = result.impact.momentum[first]
-    return height, "momentum of the first impact"
+    return height, label("momentum of the first impact", result, "impact/momentum")
 
 
 def _mark_points(result: ResultFile, height: Array, ax: Axes) -> None:

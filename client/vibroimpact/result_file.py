@@ -122,7 +122,10 @@ class ResultFile:
             if name in part:
                 return part[name]
         available = ", ".join(sorted(name for part in parts for name in part))
-        raise AttributeError(f"the result has no {name!r}; it has {available}")
+        raise AttributeError(
+            f"the result has no {name!r}; it has {available}; `outputs` of the request chooses "
+            "what is computed"
+        )
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is an array or a table of that name: ``"impulse" in result``."""
@@ -236,20 +239,30 @@ class ResultFile:
         return head | arrays | {name: _plain(table) for name, table in self._tables.items()}
 
     def to_pandas(self, table: str | None = None) -> pandas.DataFrame:
-        """Return a data frame: the rows of a table, or the arrays with their axes as index.
+        """Return a data frame: the arrays with their axes as index, one of them, or a table.
+
+        An array over time and degrees of freedom has a row for each time and a column for each
+        degree of freedom, as a spreadsheet needs it.
 
         Parameters
         ----------
         table : str, optional
-            Name of a table, such as ``"bands"`` or ``"impacts"``.
+            Name of a table or array, such as ``"bands"``, ``"impacts"`` or ``"x"``; default: all
+            arrays, or the first table where there are tables only, as of periodic motions.
 
         Raises
         ------
+        AttributeError
+            If there is neither a table nor an array of that name.
         MissingExtra
             If pandas or xarray is not installed.
         """
+        if table is None and not self.outputs():
+            table = next(iter(self.row_counts()), None)
         if table is None:
             return self.to_xarray().to_dataframe()
+        if table in self._arrays:
+            return _frame(self.to_xarray()[table])
         try:
             import pandas
         except ImportError as error:
@@ -335,6 +348,14 @@ class _Lazy(Mapping[str, Part]):
 
     def __len__(self) -> int:
         return len(self._names())
+
+
+def _frame(array: xarray.DataArray) -> pandas.DataFrame:
+    """Return an array as a table: columns along its second dimension, if it has two."""
+    if array.ndim != 2:
+        return array.to_dataframe()
+    frame: pandas.DataFrame = array.to_pandas()
+    return frame
 
 
 def _plain(values: Any) -> Any:

@@ -72,7 +72,11 @@ class Result(ResultFile):
         ------
         ValueError
             If there is no plot of that output.
+        TypeError
+            If `ax` is a text.
         """
+        if isinstance(ax, str):
+            raise TypeError(f"ax must be axes, not {ax!r}; write plot(output={ax!r})")
         if self.kind == "sweep":
             if output is None and at is None and "section_count" in self:
                 return plots.bifurcation(self, ax=ax)

@@ -44,7 +44,13 @@ def constraint(
     >>> constraint(0, gap=0.1, stiffness=1e4, damping=2.0)["law"]
     {'type': 'linear', 'stiffness': 10000.0, 'damping': 2.0}
     """
-    limits: Any = dict(gap) if isinstance(gap, Mapping) else number("gap", gap)
+    limits: Any = gap
+    if isinstance(limits, tuple | list) and len(limits) == 2:
+        lower, upper = limits
+        raise TypeError(
+            f'gap must be a number or {{"lower": {lower}, "upper": {upper}}}, not {limits!r:.60}'
+        )
+    limits = dict(limits) if isinstance(limits, Mapping) else number("gap", limits)
     document: documents.Constraint = {"gap": limits}
     if stiffness is not None:
         document["law"] = _linear(stiffness, damping, restitution)

@@ -6,6 +6,7 @@ The documents of their parts come from `stops` and `loads`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
@@ -61,7 +62,7 @@ class SparseMatrix(Protocol):
 def system(
     M: ArrayLike | SparseMatrix,
     K: ArrayLike | SparseMatrix,
-    constraints: Constraints,
+    constraints: Constraints = (),
     C: ArrayLike | SparseMatrix | None = None,
     force: Sequence[float] | None = None,
     units: documents.Units | Mapping[str, str] | None = None,
@@ -107,6 +108,11 @@ def system(
     if force is not None:
         document["force"] = numbers("force", force)
     if units is not None:
+        if not isinstance(units, Mapping):
+            raise TypeError(
+                'units must be a mapping, such as {"length": "m", "mass": "kg", "time": "s"}, '
+                f"not {units!r:.60}"
+            )
         names: Any = dict(units)
         document["units"] = names
     return _completed(document, damping, dashpots, influence)
@@ -114,7 +120,7 @@ def system(
 
 def chain(
     n: int,
-    constraints: Constraints,
+    constraints: Constraints = (),
     mass: float = 1.0,
     stiffness: float = 1.0,
     *,
@@ -137,7 +143,7 @@ def chain(
 
 
 def oscillator(
-    constraints: Constraints,
+    constraints: Constraints = (),
     Omega0: float = 1.0,
     zeta: float = 0.0,
     *,
@@ -156,7 +162,7 @@ def oscillator(
 
 
 def two_mass(
-    constraints: Constraints,
+    constraints: Constraints = (),
     Omega0: float = 1.0,
     coupling: float = 1.0,
     zeta: float = 0.0,
@@ -194,7 +200,7 @@ def double_pendulum(
 
 
 def absorber(
-    constraints: Constraints,
+    constraints: Constraints = (),
     Omega0: float = 1.0,
     ratio: float = 0.05,
     tuning: float = 1.0,
@@ -230,7 +236,7 @@ def absorber(
 
 def beam(
     elements: int,
-    constraints: Constraints,
+    constraints: Constraints = (),
     length: float = 1.0,
     EI: float = 1.0,
     rhoA: float = 1.0,
@@ -313,7 +319,11 @@ def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:
             "col": np.asarray(entries.col).tolist(),
             "data": np.asarray(entries.data, dtype=np.float64).tolist(),
         }
+    if isinstance(given, str | PathLike):
+        raise TypeError(f"{name} must be numbers, not {given!r:.60}; read_model reads files")
     full = array(name, given)
+    if full.ndim == 0:
+        return [[float(full)]]
     if full.ndim == 1:
         return {"diagonal": full.tolist()}
     rows: Dense = full.tolist()

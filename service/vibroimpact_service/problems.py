@@ -80,7 +80,8 @@ NOT_FOUND = _type(
     "not_found",
     404,
     "Not found",
-    "The address is unknown, or names something that does not exist or belongs to someone else.",
+    "The address is unknown, or names something that does not exist or belongs to someone else; "
+    "/openapi.json lists all addresses, and /docs shows them.",
 )
 NOT_READY = _type(
     "not_ready",

@@ -96,6 +96,8 @@ def sentence(kind: str, message: str, context: Mapping[str, Any]) -> str:
     if kind == "too_short":
         least = context["min_length"]
         return "must not be empty" if least == 1 else f"needs at least {least} items"
+    if kind == "string_pattern_mismatch" and context["pattern"].startswith("^https://"):
+        return "must be an address that begins with https://"
     return message.replace("Input should be", "must be")
 
 

@@ -207,3 +207,47 @@ def test_a_structure_comes_with_its_geometry(console: Visit, tmp_path: Path) -> 
     expect(page.locator("#structure")).to_contain_text("frame.json")
     # The address holds the geometry: a colleague sees the same cloud of nodes.
     expect(page).to_have_url(re.compile("geometry"))
+
+
+def _cantilever() -> dict[str, Any]:
+    """Return a beam with L = 0.5, EI = 100, rhoA = 0.8, as an engineer has it."""
+    elements, h, EI, rhoA = 8, 0.5 / 8, 100.0, 0.8
+    bent = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h]]
+    bent += [[-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
+    moved = [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h]]
+    moved += [[54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
+    whole = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+    for e in range(elements):
+        part = slice(2 * e, 2 * e + 4)
+        whole[0, part, part] += rhoA * h / 420 * np.array(moved)
+        whole[1, part, part] += EI / h**3 * np.array(bent)
+    nodes = [[h * (e + 1), 0.0, 0.0] for e in range(elements)]
+    dofs = [{"node": i // 2, "direction": ("y", "rz")[i % 2]} for i in range(2 * elements)]
+    return {
+        "M": whole[0, 2:, 2:].tolist(),
+        "K": whole[1, 2:, 2:].tolist(),
+        "geometry": {"nodes": nodes, "dofs": dofs},
+    }
+
+
+def test_a_beam_has_its_stop_at_the_tip_and_answers_with_units(
+    console: Visit, tmp_path: Path
+) -> None:
+    (tmp_path / "beam.json").write_text(json.dumps(_cantilever()))
+    page = console.open("modes")
+    page.set_input_files("#upload", str(tmp_path / "beam.json"))
+    expect(page.get_by_text("Stop 0 at coordinate 14 (node 8, y)")).to_be_visible()
+    page.get_by_label("Units").select_option("m, kg, s")
+    expect(page.get_by_label("Lower gap (m)")).to_have_value("0.004")
+    expect(page.locator(".values").first).to_contain_text(re.compile(r"rad/s = \d+(\.\d+)? Hz"))
+    expect(page.get_by_label("Units")).to_have_count(0)  # they are known now
+    page.wait_for_timeout(500)  # until the address has it
+    page.reload()
+    expect(page.get_by_label("Ω from (rad/s)")).to_be_visible()
+    expect(page.get_by_text("Stop 0 at coordinate 14 (node 8, y)")).to_be_visible()
+
+
+def test_matrices_without_damping_are_said_to_have_none(console: Visit, tmp_path: Path) -> None:
+    page = console.open("driven")
+    page.set_input_files("#upload", [str(tmp_path / name) for name in _numpy(tmp_path)])
+    expect(page.get_by_text("The structure has no damping")).to_be_visible()

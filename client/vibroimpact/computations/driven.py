@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from vibroimpact import arguments
 from vibroimpact.arguments import names
 from vibroimpact.computations.base import AnyComputation
-from vibroimpact.computations.fields import indices, integer, number, present, values
+from vibroimpact.computations.fields import drive_terms, indices, integer, number, present, values
 from vibroimpact.grids import frequencies
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         request = {
             "system": dict(system),
             "frequency": frequencies(frequency, unit),
-            "load": arguments.documents("load", load),
+            "load": drive_terms(load),
         }
         options = present(
             sequence=sequence
@@ -194,7 +194,7 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         """
         request: Document = {
             "system": dict(system),
-            "load": arguments.documents("load", load),
+            "load": drive_terms(load),
             "frequency": dict(frequency)
             if isinstance(frequency, Mapping)
             else {"values": [arguments.number("frequency", frequency)]},

@@ -53,16 +53,29 @@ def output_times(given: Any) -> Any:
     return document["values"] if set(document) == {"values"} else document
 
 
+def drive_terms(load: Any) -> list[Document]:
+    """Return the terms of a periodic drive, whose frequency is that of the request."""
+    terms = arguments.documents("load", load)
+    if any("frequency" in each for each in terms):
+        raise TypeError(
+            "a term of load has a frequency of its own, as from `harmonic`; terms of a periodic "
+            "drive come from `drive`, and their frequency is that of the request"
+        )
+    return terms
+
+
 def initial_state(initial: Initial) -> Document:
     """Return the initial state: a document, the frequency of an impact mode, or (x, v)."""
     if isinstance(initial, Mapping):
         return dict(initial)
     if isinstance(initial, int | float):
         return {"impact_mode": {"Omega": float(initial)}}
-    if isinstance(initial, str | bytes) or not hasattr(initial, "__len__") or len(initial) != 2:
+    several = hasattr(initial, "__len__") and not isinstance(initial, str | bytes)
+    if not several or len(initial) != 2:
+        given = f"{len(initial)} numbers" if several else f"{initial!r:.60}"
         raise TypeError(
-            "initial must be (x, v), a document, or the frequency of an impact mode, not "
-            f"{initial!r:.60}"
+            "initial must be (x, v), displacements and velocities, a document, or the frequency "
+            f"of an impact mode, not {given}"
         )
     x, v = initial
     return {"x": values("x", x), "v": values("v", v)}

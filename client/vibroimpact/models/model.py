@@ -35,7 +35,7 @@ ROUNDING = 1e-9
 """Difference of mirrored entries, relative to the largest, that is taken for rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """Mass, stiffness and damping with the labels of their rows.
 
@@ -90,6 +90,16 @@ class Model:
         if len(labels) != n or len(set(labels)) != n:
             raise ValueError(f"{n} degrees of freedom need {n} different labels")
         object.__setattr__(self, "labels", labels)
+
+    def __repr__(self) -> str:
+        """Return its size and what is known of it."""
+        nodes = len({node for node, _ in self.labels})
+        directions = ", ".join(dict.fromkeys(each for _, each in self.labels))
+        known = [f"{self.n} degrees of freedom", f"{nodes} nodes ({directions})"]
+        known += ["with damping"] if self.C is not None else []
+        known += [] if self.coordinates else ["no coordinates"]
+        known += [" ".join(self.units.values())] if self.units else ["no units"]
+        return f"<Model: {'; '.join(known)}>"
 
     @property
     def n(self) -> int:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from vibroimpact.results import Result
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reduction:
     """A reduced model and what it leaves out.
 
@@ -77,6 +77,14 @@ class Reduction:
     error: Array
     kept: int = 0
     rigid: int = 0
+
+    def __repr__(self) -> str:
+        """Return its size, and the largest error of its natural frequencies."""
+        error = f"; errors up to {self.error.max():.1e}" if self.error.size else ""
+        parts = f"{self.kept} kept, {self.rigid} rigid and {self.modes} elastic modes"
+        return (
+            f"<Reduction: {self.T.shape[0]} degrees of freedom to {self.model.n}: {parts}{error}>"
+        )
 
     def expand(self, q: Array) -> Array:
         """Return displacements of the whole model, shape (..., dof)."""
@@ -180,7 +188,10 @@ def reduce(
     UserWarning
         If K nearly has more rigid-body modes than it has to rounding.
     """
-    kept = np.array(sorted({model.dof(*label) for label in keep}), dtype=np.int64)
+    given = list(keep)
+    if any(isinstance(label, str) or np.shape(label) != (2,) for label in given):
+        raise TypeError(f'keep must be pairs such as (17, "z"), node and direction, not {given}')
+    kept = np.array(sorted({model.dof(*label) for label in given}), dtype=np.int64)
     if kept.size + modes > model.n:
         raise ValueError(f"{kept.size} kept and {modes} modes are more than {model.n}")
     return _reduced(model, kept, modes, compare, rigid)

@@ -46,7 +46,10 @@ async def read_body(request: Request, media_types: Sequence[str]) -> tuple[str, 
     charset = parameters.partition("charset=")[2].strip().strip('"').lower()
     if media_type not in media_types or charset not in ("", "utf-8"):
         accepted = ", ".join(media_types)
-        detail = f"The body must be {accepted.replace(', ', ' or ')}, in UTF-8 where it is text."
+        detail = (
+            f"The body must be {accepted.replace(', ', ' or ')}, in UTF-8 where it is text, and "
+            "the header Content-Type must say so."
+        )
         raise ProblemError(problems.UNSUPPORTED_MEDIA_TYPE, detail, headers={"Accept": accepted})
     if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
         detail = "The body must not be compressed."

@@ -49,6 +49,7 @@ export class BaseView {
     /** @type {any} */ this.result = null;
     /** The main drawing. @type {{destroy: () => void} | null} */ this.drawing = null;
     /** @type {AbortController | null} */ this.running = null;
+    /** Whether another view has taken its place: it has nothing to say any more. */ this.gone = false;
     this.form = make("div", { class: "toolbar" });
     this.note = make("p", { class: "hint" }, hint);
     this.progress = progressLine();
@@ -73,6 +74,7 @@ export class BaseView {
   }
 
   destroy() {
+    this.gone = true;
     this.root.classList.remove("former");
     if (this.running) this.running.abort();
     if (this.drawing) this.drawing.destroy();
@@ -183,6 +185,7 @@ export class BaseView {
     try {
       await working(this.progress, (onJob) => this.work(signal, onJob));
     } catch (error) {
+      if (this.gone) return;
       // What comes after the result is left out where it is refused: nothing former is shown.
       if (this.result === before) this.refused("result", error);
       else showError(error);

@@ -8,7 +8,8 @@ import { atTimes, loadFields } from "./loads.js";
 import { time, velocity } from "./natural.js";
 import { linspace, nearest, shown } from "./numbers.js";
 import { setFields, show, state } from "./state.js";
-import { coordinateName, size, systemDocument } from "./structures.js";
+import { size, systemDocument } from "./structures.js";
+import { axisOfWhat, labelled } from "./units.js";
 
 /** @type {Record<string, {label: string, of: (result: any, i: number, column: number) => number}>} */
 const QUANTITIES = {
@@ -85,7 +86,7 @@ export class BasinsView extends BaseView {
       return result.status[index] === "ok" ? of(result, index, 0) : null;
     }));
     if (this.drawing) this.drawing.destroy();
-    const map = new Heatmap(this.figure, { x: `initial displacement of ${coordinateName(state.structure, dof)}`, y: "initial velocity", value: label, zoom: this.zoom, label: `${label} of ${xs.length * vs.length} motions, over initial displacement and velocity.` });
+    const map = new Heatmap(this.figure, { x: axisOfWhat("initial displacement", dof), y: labelled("initial velocity", "velocity"), value: label, zoom: this.zoom, label: `${label} of ${xs.length * vs.length} motions, over initial displacement and velocity.` });
     this.drawing = map;
     map.show(xs, vs, values);
     map.onHover = (x, y) => {

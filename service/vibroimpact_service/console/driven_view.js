@@ -13,7 +13,8 @@ import { MotionCard, spread } from "./motion_card.js";
 import { amplitude, natural, rangeOfDrive } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
 import { setFields, setStructure, show, state } from "./state.js";
-import { FORMS, axisName, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { FORMS, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { axisOf, axisOfWhat, frequencyInWords, labelled, withUnit } from "./units.js";
 import { reasonInWords, stopName } from "./words.js";
 
 /** @typedef {import("./branch_curves.js").Motion} Motion */
@@ -101,9 +102,9 @@ export class DrivenView extends BaseView {
   controls() {
     const now = fields();
     const stops = state.structure.stops.map((stop, i) => /** @type {[string, string]} */ ([String(i), stopName(stop, i)]));
-    const lossless = !state.structure.damping && FORMS[state.structure.form].damped;
-    this.note.replaceChildren(...(lossless ? [
-      "The structure has no damping: resonances have no bound. ",
+    const { damping, matrices, form } = state.structure;
+    const lossless = !damping && !(matrices && matrices.C);
+    this.note.replaceChildren(...(lossless ? ["The structure has no damping: resonances have no bound. "] : []), ...(lossless && FORMS[form].damped ? [
       button("Give it 2 % damping and restitution 0.8", () => {
         state.structure.damping = 0.02;
         state.structure.stops.forEach((stop) => { stop.restitution = Math.min(stop.restitution, 0.8); });
@@ -111,7 +112,7 @@ export class DrivenView extends BaseView {
         dispatchEvent(new Event("structure-filled"));
       }, { class: "quiet" })] : []));
     return [
-      numberField("Ω from", now.from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
+      numberField(labelled("Ω from", "Omega"), now.from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
       numberField("points", now.points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
       choiceField("Impacts per period", [["upper", "one, upper side"], ["lower", "one, lower side"], ["symmetric", "both sides, symmetric"], ["list", "a sequence …"]],
@@ -206,7 +207,7 @@ export class DrivenView extends BaseView {
     const count = single.filter(({ exists, impacts }) => exists && impacts > 0).length;
     const known = special.filter(({ exists }) => exists);
     this.curve = this.drawing = new Curve(holder, {
-      x: "frequency Ω of the drive", y: `amplitude of ${coordinateName(state.structure, coordinate)}`, height: 340, zoom: this.zoom,
+      x: labelled("frequency Ω of the drive", "Omega"), y: axisOfWhat("amplitude", coordinate), height: 340, zoom: this.zoom,
       label: `Amplitude over the drive's frequency: ${count} admissible motions with impacts, ${linear.filter(({ exists }) => exists).length} without${branches ? `; ${known.length} special points of ${struck.length} branches` : ""}.`,
       series: [
         { label: "phantom", colour: "phantom", width: 0, points: 2 },
@@ -328,7 +329,7 @@ export class DrivenView extends BaseView {
     const good = solution.exists[best];
     const failed = good || solution.witness[best] === null ? null : ((solution.witness[best] % 1) + 1) % 1;
     this.card.show({
-      name: (dof) => coordinateName(state.structure, dof), axis: (dof) => axisName(state.structure, dof),
+      name: (dof) => coordinateName(state.structure, dof), axis: axisOf,
       geometry, stops: state.structure.stops, rows, row: (s) => s * (TAU.length - 1), coordinate,
       marks: (s) => impacts.filter((/** @type {any} */ impact) => Math.min(Math.abs(s - impact.place), 1 - Math.abs(s - impact.place)) < 0.025),
       points: failed === null || coordinate >= geometry.n ? [] : [{ x: failed, y: rows[Math.round(failed * (TAU.length - 1))][coordinate], colour: "alarm" }],
@@ -339,10 +340,10 @@ export class DrivenView extends BaseView {
       make("p", {}, good ? IN_WORDS[stateOf({ exists: true, stability: solution.stability[best], neutral: solution.neutral[best] })] : `${reasonInWords(solution.reason[best])}${failed === null ? "" : `, at t/T = ${shown(failed, 3)}`}.`),
       ...(failed === null ? [] : [button("Show the place", () => this.card.seek(failed))]));
     const entries = [
-      ["Ω of the drive", shown(solution.Omega[best], 8)], ["period T", `${shown(T, 6)}${periods > 1 ? `, ${periods} of the drive` : ""}`], ["impacts per period", solution.impacts[best]],
-      ["momentum of each", impacts.map((/** @type {any} */ each) => shown(each.momentum, 5)).join(", ") || "–"],
+      ["Ω of the drive", frequencyInWords(solution.Omega[best], shown(solution.Omega[best], 8))], ["period T", `${withUnit(shown(T, 6), "time")}${periods > 1 ? `, ${periods} of the drive` : ""}`], ["impacts per period", solution.impacts[best]],
+      ["momentum of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.momentum, 5)).join(", ") || "–", "momentum")],
       ["largest multiplier", shown(solution.stability[best], 6)], ["near", solution.bifurcation[best]],
-      ["work of the load per period", shown(solution.work[best], 6)], ["energy lost per period", shown(solution.energy_lost[best], 6)],
+      ["work of the load per period", withUnit(shown(solution.work[best], 6), "energy")], ["energy lost per period", withUnit(shown(solution.energy_lost[best], 6), "energy")],
     ];
     this.values.replaceChildren(...entries.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
   }

@@ -16,7 +16,8 @@ import { Player, calm } from "./player.js";
 import { Shape } from "./shape.js";
 import { wholeRange } from "./ranges.js";
 import { setFields, state } from "./state.js";
-import { axisName, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { axisOf, labelled } from "./units.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /** @returns {Record<string, any>} */
@@ -173,7 +174,7 @@ export class HistoryView extends BaseView {
     const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
     const met = compliant ? `${rests} contacts` : `${count} impacts`;
     this.curve = this.drawing = new Curve(holder, {
-      x: "time t", y: axisName(state.structure, rigid.dof[column]), height: 260, strip: 1, zoom: this.zoom,
+      x: labelled("time t", "time"), y: axisOf(rigid.dof[column]), height: 260, strip: 1, zoom: this.zoom,
       label: `Displacement of ${coordinateName(state.structure, rigid.dof[column])} over time with ${met}${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
       series: [{ label: "rigid", colour: "accent", width: 1.6 }, { label: "soft", colour: "soft-curve", width: 1.3, dash: [5, 3] }],
     });

@@ -8,6 +8,7 @@ import { rangeOfModes } from "./natural.js";
 import { nearest, shown } from "./numbers.js";
 import { show, state } from "./state.js";
 import { FORMS, leftOut, systemDocument } from "./structures.js";
+import { labelled } from "./units.js";
 import { reasonInWords } from "./words.js";
 
 /** @typedef {import("./structures.js").Structure} Structure */
@@ -61,7 +62,7 @@ export class MapView extends BaseView {
       choiceField("Vary", choices().map(({ path, label }) => [path, label]), now.path, (path) => this.reshape({ path, low: undefined, high: undefined }), { pointer: "/axes/0/path", name: "path" }),
       numberField("from", now.low, this.set("low"), { pointer: "/axes/0/start", name: "low" }), numberField("to", now.high, this.set("high"), { pointer: "/axes/0/stop", name: "high" }),
       numberField("rows", now.rows, this.set("rows"), { pointer: "/axes/0/num", whole: true, min: 2, max: 400, name: "rows" }),
-      numberField("Ω from", now.from, this.set("from"), { pointer: "/frequency/start", name: "from" }), numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", name: "to" }),
+      numberField(labelled("Ω from", "Omega"), now.from, this.set("from"), { pointer: "/frequency/start", name: "from" }), numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", name: "to" }),
       numberField("columns", now.points, this.set("points"), { pointer: "/frequency/num", whole: true, min: 2, max: 1000, name: "points" }),
       choiceField("Show", Object.entries(QUANTITIES), now.quantity, this.set("quantity"), { name: "quantity" }),
     ];
@@ -100,7 +101,7 @@ export class MapView extends BaseView {
     const values = rows.map((/** @type {number} */ _, /** @type {number} */ j) => Omega.map((/** @type {number} */ _2, /** @type {number} */ i) => (result.exists[j] && result.exists[j][i] && result.certified[j][i] ? value(j, i) : null)));
     if (this.drawing) this.drawing.destroy();
     const name = choice ? choice.label : "";
-    const map = new Heatmap(this.figure, { x: "fundamental frequency Ω", y: name, value: QUANTITIES[quantity], zoom: this.zoom, label: `${QUANTITIES[quantity]} over frequency and ${name}; empty where no impact mode is admissible.` });
+    const map = new Heatmap(this.figure, { x: labelled("fundamental frequency Ω", "Omega"), y: name, value: QUANTITIES[quantity], zoom: this.zoom, label: `${QUANTITIES[quantity]} over frequency and ${name}; empty where no impact mode is admissible.` });
     this.drawing = map;
     map.show(Omega, rows, values);
     map.onHover = (x, y) => {

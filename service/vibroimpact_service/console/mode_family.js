@@ -4,6 +4,7 @@ import { LINES } from "./branch_curves.js";
 import { Curve } from "./curve.js";
 import { make } from "./dom.js";
 import { help, inShort } from "./help.js";
+import { labelled } from "./units.js";
 import { NEUTRAL } from "./words.js";
 
 /** @typedef {import("./curve.js").Band} Band */
@@ -87,7 +88,7 @@ export function energyCurve(root, grid, bands) {
   const holder = make("div");
   root.replaceChildren(holder);
   const curve = new Curve(holder, {
-    x: "Ω", y: "energy", height: 300, log: true, upright: true, label: "Energy of the admissible impact modes, across, over their frequency, upwards.",
+    x: labelled("Ω", "Omega"), y: labelled("energy", "energy"), height: 300, log: true, upright: true, label: "Energy of the admissible impact modes, across, over their frequency, upwards.",
     series: [bands ? { label: "neutral", ...LINES.neutral } : { label: "impact mode", colour: "accent", width: 2.6 }, { label: "unstable", ...LINES.unstable }],
   });
   const ranges = ((bands && bands.stability) || []).filter(isNeutral);

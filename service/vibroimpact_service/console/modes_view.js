@@ -12,7 +12,8 @@ import { lowest, natural, rangeOfModes } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
 import { rangeWithPoles, withoutPoles } from "./ranges.js";
 import { setFields, show, state } from "./state.js";
-import { axisName, coordinateName, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
+import { coordinateName, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
+import { axisOf, frequencyInWords, labelled, withUnit } from "./units.js";
 import { reasonInWords, stabilityInWords, stopName, whyPhantom } from "./words.js";
 
 /** Degrees of freedom up to which the growth of deviations is computed while one looks. */
@@ -98,7 +99,7 @@ export class ModesView extends BaseView {
     const { from, to, points, quantity } = fields();
     this.#exactField();
     return [
-      numberField("Ω from", from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
+      numberField(labelled("Ω from", "Omega"), from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
       numberField("points", points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
       choiceField("Show", [["momentum", "momentum per impact, 2p/ω"], ["impulse", "impulse parameter p"]], quantity, (value) => {
@@ -189,7 +190,7 @@ export class ModesView extends BaseView {
     this.figure.replaceChildren(holder);
     const count = grid.exists.filter(Boolean).length;
     this.curve = this.drawing = new Curve(holder, {
-      x: "fundamental frequency Ω", y: quantity === "momentum" ? "momentum per impact 2p/ω" : "impulse parameter p",
+      x: labelled("fundamental frequency Ω", "Omega"), y: quantity === "momentum" ? labelled("momentum per impact 2p/ω", "momentum") : labelled("impulse parameter p", "force"),
       series, height: 340, strip: 2, zoom: this.zoom,
       label: `${quantity === "momentum" ? "Momentum" : "Impulse parameter"} over frequency: ${count} of ${Omega.length} frequencies have an admissible impact mode, the others are phantoms.`,
     });
@@ -276,9 +277,11 @@ export class ModesView extends BaseView {
     try {
       this.mode = await compute("impact-modes", this.#modeRequest(Omega));
     } catch (error) {
-      this.refused("cursor", error);
+      // The structure of another view may be none of impact modes.
+      if (!this.gone) this.refused("cursor", error);
       return;
     }
+    if (this.gone) return;
     this.answered("cursor");
     this.#showMode();
     performance.measure("cursor", { start: moved });
@@ -299,7 +302,7 @@ export class ModesView extends BaseView {
     const upper = mode.impulse[0];
     const lower = mode.impulse_lower ? mode.impulse_lower[0] : upper;
     this.card.show({
-      name: (dof) => coordinateName(state.structure, dof), axis: (dof) => axisName(state.structure, dof),
+      name: (dof) => coordinateName(state.structure, dof), axis: axisOf,
       geometry, stops, rows,
       row: (s) => (s < 0.5 ? 2 * s : 2 - 2 * s) * last,
       marks: (s) => {
@@ -360,10 +363,10 @@ export class ModesView extends BaseView {
       make("p", {}, text), ...acts);
     const omega = mode.frequency.omega[0];
     const rows = [
-      ["Ω", shown(mode.frequency.Omega[0], 8)], ["period T = 4/ω", shown(4 / omega, 6)],
-      ["impulse parameter p", mode.impulse[0].map((/** @type {number} */ p) => shown(p, 6)).join(", ")],
-      ["momentum per impact 2p/ω", mode.impulse[0].map((/** @type {number} */ p) => shown((2 * p) / omega, 6)).join(", ")],
-      ["energy", shown(mode.energy[0], 6)],
+      ["Ω", frequencyInWords(mode.frequency.Omega[0], shown(mode.frequency.Omega[0], 8))], ["period T = 4/ω", withUnit(shown(4 / omega, 6), "time")],
+      ["impulse parameter p", withUnit(mode.impulse[0].map((/** @type {number} */ p) => shown(p, 6)).join(", "), "force")],
+      ["momentum per impact 2p/ω", withUnit(mode.impulse[0].map((/** @type {number} */ p) => shown((2 * p) / omega, 6)).join(", "), "momentum")],
+      ["energy", withUnit(shown(mode.energy[0], 6), "energy")],
     ];
     this.stability.textContent = reason === "ok" ? stabilityIn(this.bands, mode.frequency.Omega[0]) : "–";
     this.values.replaceChildren(...rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]), make("dt", {}, "stability"), this.stability);
@@ -378,7 +381,7 @@ export class ModesView extends BaseView {
       const answer = await compute("impact-modes", { ...request, outputs: ["stability"] });
       if (mode === this.mode) this.stability.textContent = stabilityInWords(answer.stability[0], answer.error.stability[0], answer.neutral[0]);
     } catch (error) {
-      showError(error);
+      if (!this.gone) showError(error);
     }
   }
 

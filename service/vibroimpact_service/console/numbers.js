@@ -9,7 +9,7 @@ export function shown(value, digits = 5) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(Math.max(0, digits - 2)) : Number(value.toPrecision(digits)).toString();
+  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(Math.max(0, digits - 2)).replace(/\.?0+e/, "e") : Number(value.toPrecision(digits)).toString();
   return text.replace("e+", "e").replace("-", "−");
 }
 

@@ -12,8 +12,9 @@ import { shown } from "./numbers.js";
 import { Shape } from "./shape.js";
 import { dampingSlider, gapSlider, restitutionSlider } from "./sliders.js";
 import { setStructure, show, state } from "./state.js";
-import { FORMS, coordinateName, geometryOf, leading, preset, size, stop } from "./structures.js";
+import { FORMS, coordinateName, geometryOf, leading, measure, preset, size, stop } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
+import { UNITS, inSeconds, labelled } from "./units.js";
 
 /** @typedef {import("./structures.js").Structure} Structure */
 
@@ -96,23 +97,18 @@ export function structurePanel(root) {
   return { rebuild, drawStill, listModes };
 }
 
-/** @returns {boolean} whether the structure counts time in seconds */
-function inSeconds() {
-  const { matrices } = state.structure;
-  return Boolean(matrices && matrices.units && matrices.units.time === "s");
-}
-
 function parameters() {
   const { structure } = state;
   const about = FORMS[structure.form];
   const box = make("div", { class: "fields" });
+  const units = structure.matrices && !structure.matrices.units ? [unitsField()] : [];
   if (structure.form === "stored") {
     const text = `${structure.name || "structure"}: ${size(structure) || "…"} degrees of freedom`;
     const force = structure.matrices && structure.matrices.force;
-    box.append(make("p", { class: "hint" }, text), geometryUpload(), ...(force && force.some(Boolean) ? [make("p", { class: "hint" }, "The file has a constant load; those below are added.")] : []));
+    box.append(make("p", { class: "hint" }, text), geometryUpload(), ...units, ...(force && force.some(Boolean) ? [make("p", { class: "hint" }, "The file has a constant load; those below are added.")] : []));
     return box;
   }
-  if (structure.form === "matrices") box.append(matrixEditor(structure, changed));
+  if (structure.form === "matrices") box.append(matrixEditor(structure, changed), ...units);
   for (const { label, name, whole, min, max } of about.parameters) {
     box.append(numberField(label, structure.parameters[name], (value) => {
       structure.parameters[name] = /** @type {number} */ (value);
@@ -133,7 +129,7 @@ function parameters() {
 /** @param {(dof: number) => void} toggleStop @param {() => void} rebuild */
 function stops(toggleStop, rebuild) {
   const { structure } = state;
-  const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops ", help("gap"), help("restitution"), help("struck")));
+  const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops"));
   structure.stops.forEach((each, index) => {
     const at = `/system/constraints/${index}`;
     /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution" | "stiffness" | "damping"} name */
@@ -141,20 +137,24 @@ function stops(toggleStop, rebuild) {
       /** @type {any} */ (each)[name] = value;
       changed();
     };
-    const lower = numberField("Lower gap", each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" });
-    const upper = numberField("Upper gap", each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" });
+    const lower = numberField(labelled("Lower gap", measure(structure, each.dof)), each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" });
+    const upper = numberField(labelled("Upper gap", measure(structure, each.dof)), each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" });
     const restitution = numberField("Restitution", each.restitution, set("restitution"), { pointer: `${at}/restitution`, min: 0, max: 1 });
     restitution.append(restitutionSlider(index, restitution, changed));
+    // The words of the first stop are explained where they stand.
+    const [gapHelp, restitutionHelp, struckHelp] = index ? ["", "", ""] : [help("gap"), help("restitution"), help("struck")];
+    lower.append(gapHelp);
+    restitution.append(restitutionHelp);
     box.append(make("div", { class: "stop", role: "group", "aria-label": `Stop ${index}` },
       make("p", { class: "hint whole" }, `Stop ${index} at ${coordinateName(structure, each.dof)}`),
       numberField("Coordinate", each.dof, set("dof"), { pointer: `${at}/dof`, whole: true, min: 0 }),
-      numberField("relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
+      numberField("Relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
       lower, upper, make("div", { class: "whole" }, gapSlider(index, lower, upper, changed)), restitution,
       // With a stiffness, which time histories and ensembles take, there is a damping instead.
       numberField("Stiffness", each.stiffness, set("stiffness"), { pointer: `${at}/law`, min: 0, empty: "rigid" }),
-      numberField("its damping", each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" }),
+      numberField("Stop damping", each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" }),
       make("div", { class: "stop-acts" },
-        switchField("struck", each.active, (value) => { each.active = value; changed(); }),
+        make("span", {}, switchField("struck", each.active, (value) => { each.active = value; changed(); }), struckHelp),
         button("Remove", () => { structure.stops.splice(index, 1); rebuild(); changed(); }, { class: "quiet", "aria-label": `Remove stop ${index}` })),
     ));
   });
@@ -226,7 +226,11 @@ async function firstStop(structure) {
   const gap = extent > 0 ? Number((0.01 * extent).toPrecision(1)) : 1;
   const request = { system: { id: structure.id, constraints: [] }, count: 1, outputs: ["Omega", "shape"] };
   const mode = await ask("POST", "/v1/compute/natural-frequencies", request).catch(() => ({}));
-  return [stop(mode.shape ? leading(structure, mode.shape[0], drawn) : drawn[0] || 0, gap, gap)];
+  if (!mode.shape) return [stop(drawn[0] || 0, gap, gap)];
+  const [shape] = mode.shape;
+  // A geometry tells displacements, which alone are drawn, from rotations.
+  const most = nodes ? drawn.reduce((best, dof) => (Math.abs(shape[dof]) > Math.abs(shape[best]) * (1 + 1e-9) ? dof : best), drawn[0] || 0) : leading(structure, shape, drawn);
+  return [stop(most, gap, gap)];
 }
 
 /**
@@ -239,6 +243,24 @@ export async function loaded(structure) {
   const { M, K, C, force, units, geometry } = document;
   if (!K) throw new Error("Presets are entered by their parameters.");
   return { ...structure, geometry: structure.geometry || geometry, matrices: { M, K, C, force, units } };
+}
+
+/** Offer units for matrices that came without: the service keeps them with the structure. */
+function unitsField() {
+  return choiceField("Units", [["", "none"], ...UNITS.map(([name]) => /** @type {[string, string]} */ ([name, name]))], "", async (chosen) => {
+    try {
+      const [, units] = UNITS.filter(([name]) => name === chosen)[0];
+      const { structure } = state;
+      const matrices = /** @type {NonNullable<Structure["matrices"]>} */ (structure.matrices);
+      const { M, K, C, force } = matrices;
+      const document = { M, K, ...(C ? { C } : {}), ...(force ? { force } : {}), units, constraints: [] };
+      const id = structure.form === "stored" ? (await (await send("POST", "/v1/systems", document)).json()).id : structure.id;
+      setStructure({ ...structure, id, matrices: { ...matrices, units } });
+      dispatchEvent(new Event("structure-filled"));
+    } catch (error) {
+      showError(error);
+    }
+  }, { name: "units" });
 }
 
 function geometryUpload() {

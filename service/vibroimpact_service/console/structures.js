@@ -122,6 +122,12 @@ export function axisName(structure, dof) {
   return `x of ${partOf(structure, dof) || `coordinate ${dof}`}`;
 }
 
+/** @param {Structure} structure @param {number} dof @returns {"length" | "angle"} what a coordinate is measured in */
+export function measure({ geometry }, dof) {
+  const place = geometry && geometry.dofs && geometry.dofs[dof];
+  return place && place.direction.startsWith("r") ? "angle" : "length";
+}
+
 /** @param {Structure} structure @param {number} dof @returns {string} */
 function partOf({ form, geometry }, dof) {
   if (form === "chain" || form === "two_mass") return `mass ${dof + 1}`;

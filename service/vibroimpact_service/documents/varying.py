@@ -69,7 +69,7 @@ def number(base: Any, text: str) -> Varying:
         step = _step(here, part)
         if step is None:
             where = ".".join(map(str, path)) or "the base"
-            message = f"there is no {part!r} in {where}"
+            message = f"there is no {part!r} in {where}{_meant(base, text)}"
             raise ModelError(("path",), message, code="unknown_path")
         path = (*path, step)
         here = _get(here, step)
@@ -80,6 +80,29 @@ def number(base: Any, text: str) -> Varying:
         message = f"{text} is a size: results of differing sizes make no grid"
         raise ModelError(("path",), message, code="shapes_differ")
     return Varying(path, _mirror(base, path), isinstance(here, int))
+
+
+_MOST_PATHS: Final = 3
+
+
+def _meant(base: Any, text: str) -> str:
+    """Return the paths of the base that end as a wrong path does, as a hint."""
+    end = text.rpartition(".")[2]
+    paths: list[str] = []
+
+    def look(here: Any, path: str) -> None:
+        if isinstance(here, BaseModel):
+            for name in type(here).model_fields:
+                value = getattr(here, name)
+                if name == end and isinstance(value, (int, float)):
+                    paths.append(path + name)
+                look(value, f"{path}{name}.")
+        elif isinstance(here, list) and here and isinstance(here[0], BaseModel):
+            for index, each in enumerate(here[:_MOST_PATHS]):
+                look(each, f"{path}{index}.")
+
+    look(base, "")
+    return f"; there is {', '.join(paths[:_MOST_PATHS])}" if paths else ""
 
 
 def _step(here: Any, part: str) -> str | int | None:

@@ -1,0 +1,80 @@
+"""What plausible mistakes are told, and what is shown without being asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+from vibroimpact_service.local import RefusedError, plan
+
+M = np.eye(2)
+K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+
+
+def test_the_package_offers_what_it_documents_and_nothing_else() -> None:
+    assert {"read_model", "reduce", "Model"} <= set(dir(vi))
+    assert not {"Any", "TYPE_CHECKING", "arguments"} & set(dir(vi))
+
+
+@pytest.mark.parametrize(
+    ("mistake", "told"),
+    [
+        (lambda: vi.constraint(0, gap=(0.1, 0.2)), r'\{"lower": 0.1, "upper": 0.2\}'),
+        (lambda: vi.system("M.mtx", K), "M must be numbers, not 'M.mtx'; read_model reads files"),
+        (lambda: vi.system(Path("M.mtx"), K), "read_model reads files"),
+        (lambda: vi.system(M, K, units="SI"), 'such as {"length": "m"'),  # type: ignore[arg-type]
+        (
+            lambda: vi.periodic_motions_request(
+                vi.system(M, K),
+                [1.0],
+                [vi.harmonic(0, 1.0, frequency=1.0)],  # type: ignore[list-item]
+            ),
+            "come from `drive`",
+        ),
+        (
+            lambda: vi.time_history_request(vi.system(M, K), np.zeros(9), 1.0),
+            "displacements and velocities, .* not 9 numbers",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_what_is_meant(mistake: Any, told: str) -> None:
+    with pytest.raises(TypeError, match=told):
+        mistake()
+
+
+def test_a_reduction_is_told_nodes_with_directions() -> None:
+    for keep in ([0], ["0x"], [(0, "x", 1.0)]):
+        with pytest.raises(TypeError, match=r'pairs such as \(17, "z"\)'):
+            vi.reduce(vi.Model(M, K), keep, modes=1)  # type: ignore[arg-type]
+
+
+def test_one_mass_may_be_given_as_numbers() -> None:
+    structure = vi.system(2.0, 8.0)
+    assert (structure["M"], structure["K"], structure["constraints"]) == ([[2.0]], [[8.0]], [])
+
+
+def test_presets_without_stops_are_structures_too() -> None:
+    assert vi.chain(3)["constraints"] == vi.beam(2)["constraints"] == []
+
+
+def test_a_path_that_is_not_there_names_those_that_end_alike() -> None:
+    base = vi.impact_modes_request(vi.chain(3, [vi.constraint(0, 0.1)]), [1.0])
+    request = vi.sweep_request("impact-modes", base, {"gap": [0.1, 0.2]})
+    with pytest.raises(RefusedError) as refused:
+        plan("sweep", request)
+    (fault,) = refused.value.document["errors"]
+    assert fault["message"] == "there is no 'gap' in the base; there is system.constraints.0.gap"
+
+
+def test_models_and_reductions_are_shown_in_a_line() -> None:
+    model = vi.Model(M, K, units={"length": "m", "mass": "kg", "time": "s"})
+    said = "<Model: 2 degrees of freedom; 2 nodes (x); no coordinates; m kg s>"
+    assert repr(model) == said
+    assert repr(vi.reduce(model, [(0, "x")], modes=1)).startswith(
+        "<Reduction: 2 degrees of freedom to 2: 1 kept, 0 rigid and 1 elastic modes"
+    )
+    assert repr(vi.Local()) == "<Local: computes in a process beside the program>"
