@@ -413,6 +413,8 @@ class PeriodicMotionsSolution(Table):
     """Frequency of the drive, shape (solution_index), 1/time."""
     impacts: Integers
     """Impacts per period, 0 of the motion without any, shape (solution_index)."""
+    contacts: Integers
+    """Contact phases per period, of stops of finite stiffness, shape (solution_index)."""
     exists: Booleans
     """Whether the solution is admissible, shape (solution_index)."""
     reason: Words
@@ -488,6 +490,54 @@ class PeriodicMotionsImpact(Table):
     """Velocity of the coordinate before the impact, shape (impact_index), length / time."""
 
 
+class PeriodicMotionsContact(Table):
+    """One row for each contact phase of the solutions with stops of finite stiffness."""
+
+    solution: Integers
+    """Row of its solution, shape (contact_index)."""
+    constraint: Integers
+    """Index of the constraint, shape (contact_index)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (contact_index)."""
+    phase: Floats
+    """Phase of the drive at its beginning, Omega t modulo 2 pi, shape (contact_index); 0 where
+    the stop is loaded throughout.
+    """
+    time: Floats
+    """Time of its beginning in the period of the motion, from phase 0, shape (contact_index),
+    time.
+    """
+    duration: Floats
+    """How long the stop pushes, shape (contact_index), time; the period where it is loaded
+    throughout.
+    """
+    impulse: Floats
+    """Integral of the force of the stop, shape (contact_index), mass length / time; nan: the
+    load drives a mode without damping at its own frequency.
+    """
+    peak_force: Floats
+    """Largest force of the stop, shape (contact_index), mass length / time²; nan: the load
+    drives a mode without damping at its own frequency.
+    """
+    velocity: Floats
+    """Velocity of the coordinate at its beginning, shape (contact_index), length / time; nan:
+    the stop is loaded throughout.
+    """
+    indentation: Floats
+    """Largest distance beyond the wall, shape (contact_index), length; nan: the load drives a
+    mode without damping at its own frequency.
+    """
+    start_indentation: Floats
+    """Distance beyond the wall at its beginning, shape (contact_index), length; positive where
+    a stop with damping pushes again before its wall is left; nan: the stop is loaded
+    throughout.
+    """
+    energy_lost: Floats
+    """Energy that the contact loses, shape (contact_index), mass length² / time²; nan: the
+    load drives a mode without damping at its own frequency.
+    """
+
+
 class PeriodicMotionsMultipliers(Table):
     """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
 
@@ -554,6 +604,33 @@ class PeriodicMotionsErrorImpact(Table):
     """Error of the velocity, shape (impact_index), length / time."""
 
 
+class PeriodicMotionsErrorContact(Table):
+    """Absolute errors of columns of the contact phases."""
+
+    phase: Floats
+    """Error of the phase, shape (contact_index); nan: there is no number."""
+    time: Floats
+    """Error of the time in the period, shape (contact_index), time; nan: there is no number."""
+    duration: Floats
+    """Error of the duration, shape (contact_index), time; nan: there is no number."""
+    impulse: Floats
+    """Error of the impulse, shape (contact_index), mass length / time; nan: there is no
+    number.
+    """
+    peak_force: Floats
+    """Error of the largest force, shape (contact_index), mass length / time²; nan: there is no
+    number.
+    """
+    velocity: Floats
+    """Error of the velocity, shape (contact_index), length / time; nan: there is no number."""
+    indentation: Floats
+    """Error of the indentation, shape (contact_index), length; nan: there is no number."""
+    energy_lost: Floats
+    """Error of the energy lost, shape (contact_index), mass length² / time²; nan: there is no
+    number.
+    """
+
+
 class PeriodicMotionsError(Table):
     """Absolute errors of the outputs."""
 
@@ -561,6 +638,7 @@ class PeriodicMotionsError(Table):
         "solution": PeriodicMotionsErrorSolution,
         "multipliers": PeriodicMotionsErrorMultipliers,
         "impact": PeriodicMotionsErrorImpact,
+        "contact": PeriodicMotionsErrorContact,
     }
     statement: str
     """How the errors were obtained."""
@@ -574,6 +652,8 @@ class PeriodicMotionsError(Table):
     """Absolute errors of the multipliers."""
     impact: PeriodicMotionsErrorImpact
     """Absolute errors of columns of the impacts."""
+    contact: PeriodicMotionsErrorContact
+    """Absolute errors of columns of the contact phases."""
 
 
 class BranchesSolution(PeriodicMotionsSolution):
@@ -603,6 +683,7 @@ class BranchesError(Table):
         "solution": PeriodicMotionsErrorSolution,
         "multipliers": PeriodicMotionsErrorMultipliers,
         "impact": PeriodicMotionsErrorImpact,
+        "contact": PeriodicMotionsErrorContact,
         "points": BranchesErrorPoints,
     }
     statement: str
@@ -617,6 +698,8 @@ class BranchesError(Table):
     """Absolute errors of the multipliers."""
     impact: PeriodicMotionsErrorImpact
     """Absolute errors of columns of the impacts."""
+    contact: PeriodicMotionsErrorContact
+    """Absolute errors of columns of the contact phases."""
     points: BranchesErrorPoints
     """Absolute errors of the special points."""
 
@@ -1305,6 +1388,7 @@ class PeriodicMotions(Result):
         "frequency": PeriodicMotionsFrequency,
         "solution": PeriodicMotionsSolution,
         "impact": PeriodicMotionsImpact,
+        "contact": PeriodicMotionsContact,
         "multipliers": PeriodicMotionsMultipliers,
         "error": PeriodicMotionsError,
     }
@@ -1325,6 +1409,8 @@ class PeriodicMotions(Result):
     """One row for each periodic motion, admissible or phantom."""
     impact: PeriodicMotionsImpact
     """One row for each impact of the solutions."""
+    contact: PeriodicMotionsContact
+    """One row for each contact phase of the solutions with stops of finite stiffness."""
     multipliers: PeriodicMotionsMultipliers
     """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
     error: PeriodicMotionsError
@@ -1338,6 +1424,7 @@ class Branches(Result):
         "frequency": PeriodicMotionsFrequency,
         "solution": BranchesSolution,
         "impact": PeriodicMotionsImpact,
+        "contact": PeriodicMotionsContact,
         "multipliers": PeriodicMotionsMultipliers,
         "error": BranchesError,
         "points": BranchesPoints,
@@ -1359,6 +1446,8 @@ class Branches(Result):
     """One row for each periodic motion, admissible or phantom."""
     impact: PeriodicMotionsImpact
     """One row for each impact of the solutions."""
+    contact: PeriodicMotionsContact
+    """One row for each contact phase of the solutions with stops of finite stiffness."""
     multipliers: PeriodicMotionsMultipliers
     """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
     error: BranchesError

@@ -293,10 +293,11 @@ def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None)
     states = stability_of(rows)
     apart = rows.frequency_index % max(1, round(result.Omega.size / _OPEN_MARKS)) == 0
     ax.plot(x[~exists], height[~exists], ".", color=PHANTOM, markersize=2, zorder=1)
-    for place, count in enumerate(np.unique(rows.impacts)):
+    counts, noun = (rows.contacts, "contact") if "contacts" in rows else (rows.impacts, "impact")
+    for place, count in enumerate(np.unique(counts)):
         color, mark = SERIES[place % len(SERIES)][0], "osD^v"[place % 5]
-        name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''}"
-        mine = exists & (rows.impacts == count)
+        name = f"no {noun}" if count == 0 else f"{count} {noun}{'s' if count > 1 else ''}"
+        mine = exists & (counts == count)
         for state, some, fill in (
             ("stable", mine, "full"), ("neutral", mine, "left"), ("unstable", mine & apart, "none"),
         ):  # fmt: skip
@@ -384,6 +385,10 @@ def _height(result: ResultFile, dof: int | None) -> tuple[Array, str]:
         text = label(rf"amplitude of $x_{{{dof}}}$", result, "solution/x_max")
         return 0.5 * (rows.x_max[:, column] - rows.x_min[:, column]), text
     height = np.zeros(rows.Omega.size)
+    if "contacts" in rows:
+        solutions, first = np.unique(result.contact.solution, return_index=True)
+        height[solutions] = result.contact.impulse[first]
+        return height, "impulse of the first contact"
     solutions, first = np.unique(result.impact.solution, return_index=True)
     height[solutions] = result.impact.momentum[first]
     return height, label("momentum of the first impact", result, "impact/momentum")

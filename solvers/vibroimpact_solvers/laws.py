@@ -162,6 +162,7 @@ def damping_ratio(restitution: float) -> float:
 OFFERED: Final[dict[str, frozenset[str]]] = {
     "time-history": frozenset({Rigid.name, Linear.name}),
     "ensemble": frozenset({Rigid.name, Linear.name}),
+    "periodic-motions": frozenset({Rigid.name, Linear.name}),
 }
 """Kinds -> names of the laws that they compute; rigid stops where a kind is not listed."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.results.branches import TYPES
@@ -62,6 +63,10 @@ class Problem:
             raise ModelError(("start",), "an end of the range is not finite", code="not_finite")
         if self.start == self.stop:
             raise ModelError(("stop",), "the range has no length", code="empty_grid")
+        try:
+            require(KIND, self.system.constraints)
+        except ModelError as error:
+            raise error.under("base") from None
         unknown = sorted(self.stop_at - set(TYPES))
         if unknown:
             message = f"special points are {', '.join(TYPES)}"

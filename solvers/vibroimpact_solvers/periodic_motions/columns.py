@@ -60,7 +60,7 @@ def of(
     if {"stability", "multipliers"} & problem.outputs:
         if largest is None or "multipliers" in problem.outputs:
             largest = multipliers(problem, driven, cells, solved)
-        columns |= _multipliers(problem, *largest)
+        columns |= multiplier_columns(problem, *largest)
     if {"extremes", "energy", "waveform"} & problem.outputs:
         columns |= _along(problem, driven, cells, solved)
     return columns
@@ -123,7 +123,7 @@ def _impacts(problem: Problem, driven: Driven, solved: Solutions) -> Columns:
     }
 
 
-def _multipliers(problem: Problem, values: Complexes, errors: Floats) -> Columns:
+def multiplier_columns(problem: Problem, values: Complexes, errors: Floats) -> Columns:
     """Return the columns of the multipliers."""
     largest = values[:, 0]
     error = error_of_largest(values, errors)

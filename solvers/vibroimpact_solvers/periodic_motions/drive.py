@@ -171,24 +171,7 @@ class Driven:
     def watched(self, walls: Floats) -> Coordinates:
         """Return the coordinates as the check of free motions takes them; walls (2, constraint)."""
         pairs = self.pairs
-        f1, f2 = np.abs(self.position[:, 0]), np.abs(self.position[:, 1])
-        size = np.zeros(self.position.shape)
-        at = pairs.rotations
-        size[:, :, at] = (np.hypot(f1, f2) * pairs.speed**3)[:, np.newaxis, at]
-        at = pairs.hyperbolas
-        total = np.abs(self.position.sum(axis=1))[:, at]
-        apart = np.abs(self.position[:, 0] - self.position[:, 1])[:, at]
-        size[:, :, at] = (
-            0.5
-            * (
-                total * np.abs(pairs.alpha + pairs.nu)[at] ** 3
-                + apart * np.abs(pairs.alpha - pairs.nu)[at] ** 3
-            )[:, np.newaxis]
-        )
-        at = pairs.parabolas
-        rate = np.abs(pairs.alpha)[at]
-        size[:, 0, at] = f1[:, at] * rate**3
-        size[:, 1, at] = 4.0 * f1[:, at] * rate**2 + f2[:, at] * rate**3
+        size = pairs.third_derivatives(self.position)
         acceleration = self.rates_of(self.velocity)
         growth = np.maximum(pairs.growth, 0.0)
         return Coordinates(

@@ -97,6 +97,28 @@ class Pairs:
         back[self.parabolas] = 0.0
         return np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
 
+    def third_derivatives(self, forms: Floats) -> Floats:
+        """Return bounds of third derivatives of forms by |z1| and |z2|, shape (form, 2, pair)."""
+        f1, f2 = np.abs(forms[:, 0]), np.abs(forms[:, 1])
+        size = np.zeros(forms.shape)
+        at = self.rotations
+        size[:, :, at] = (np.hypot(f1, f2) * self.speed**3)[:, np.newaxis, at]
+        at = self.hyperbolas
+        total = np.abs(forms.sum(axis=1))[:, at]
+        apart = np.abs(forms[:, 0] - forms[:, 1])[:, at]
+        size[:, :, at] = (
+            0.5
+            * (
+                total * np.abs(self.alpha + self.nu)[at] ** 3
+                + apart * np.abs(self.alpha - self.nu)[at] ** 3
+            )[:, np.newaxis]
+        )
+        at = self.parabolas
+        rate = np.abs(self.alpha)[at]
+        size[:, 0, at] = f1[:, at] * rate**3
+        size[:, 1, at] = 4.0 * f1[:, at] * rate**2 + f2[:, at] * rate**3
+        return size
+
     def impulse_response(
         self, cells: Floats, rests: Floats, sign: float, kicks: Floats
     ) -> Response:

@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.errors import PlanError
-from vibroimpact_solvers.periodic_motions import free_bodies
+from vibroimpact_solvers.periodic_motions import free_bodies, stops
 from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
@@ -40,7 +40,7 @@ def plan(problem: Problem) -> Plan:
     ModelError
         Where the impacts clearly move a free body, see `free_bodies`; else the solution tells.
     """
-    steps = tuple(_steps(problem))
+    steps = tuple(stops.steps(problem) if problem.stopped else _steps(problem))
     return Plan(KIND, steps, tuple(_skips(problem)))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.laws import require
+from vibroimpact_solvers.laws import Linear, require
 from vibroimpact_solvers.model import System, within_range
 
 KIND: Final = "periodic-motions"
@@ -116,9 +116,16 @@ class Problem:
         self._check_frequencies()
         self._check_load()
         self._check_sequence()
+        if self.stopped:
+            self._check_stops()
         if "waveform" in self.outputs and (self.tau is None or np.size(self.tau) == 0):
             message = "the waveform needs tau, times over the period from 0 to 1"
             raise ModelError(("tau",), message, code="tau_missing")
+
+    @property
+    def stopped(self) -> bool:
+        """Whether stops have a finite stiffness."""
+        return any(not constraint.law.rigid for constraint in self.system.constraints)
 
     @property
     def symmetric(self) -> bool:
@@ -189,6 +196,33 @@ class Problem:
         for dof, weight in zip(force.dofs, force.weights, strict=False):
             forces[dof] = weight
         self.system.check_load(forces, ("load", index, "dof"))
+
+    def _check_stops(self) -> None:
+        """Refuse what is not computed with stops of finite stiffness."""
+        constraints = self.system.constraints
+        rigid = next((i for i, c in enumerate(constraints) if c.law.rigid), None)
+        if rigid is not None:
+            message = "rigid stops beside stops of finite stiffness are not computed yet"
+            raise ModelError(("system", "constraints", rigid), message, code="not_possible")
+        if len(self.impacts) > 1:
+            message = (
+                "with linear stops, motions are computed that have one contact in their period, "
+                "or one at each wall half a period apart: name one contact, or symmetric"
+            )
+            raise ModelError(("sequence",), message, code="not_possible")
+        harmonics = {force.harmonic for force in self.load if force.amplitude != 0.0}
+        if len(harmonics) != 1:
+            message = (
+                "motions with linear stops are computed for loads of one harmonic: this one has "
+                f"{len(harmonics)}"
+            )
+            raise ModelError(("load",), message, code="not_possible")
+        (impact,) = self.impacts
+        law = constraints[impact.constraint].law
+        if isinstance(law, Linear) and law.stiffness == 0.0 and not law.damping:
+            message = "the stop has neither stiffness nor damping: there is no contact"
+            pointer = ("system", "constraints", impact.constraint, "law", "stiffness")
+            raise ModelError(pointer, message, code="no_force")
 
     def _check_sequence(self) -> None:
         constraints = self.system.constraints

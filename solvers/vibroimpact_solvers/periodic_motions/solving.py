@@ -11,7 +11,7 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import along, nothing
 from vibroimpact_solvers.meter import metered
-from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single
+from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single, stops
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.planning import Method
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -39,6 +39,8 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) frequencies; may raise `Cancelled`.
     """
+    if problem.stopped:
+        return join(problem, plan, stops.solve(problem, plan, tick))
     step = plan.step(Stage.SPECTRUM)
     assert step is not None
     driven = Driven.of(problem, spectrum.Method(step.method))
@@ -60,11 +62,14 @@ def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
     for result in results:
         index = result.solution_frequency_index + frequencies
         of = result.impact_solution + rows
-        shifted.append(replace(result, solution_frequency_index=index, impact_solution=of))
+        touching = result.contact_solution
+        touching = None if touching is None else touching + rows
+        changed: dict[str, Any] = {"solution_frequency_index": index, "impact_solution": of}
+        shifted.append(replace(result, **changed, contact_solution=touching))
         frequencies, rows = frequencies + result.Omega.size, rows + index.size
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(result, name) for result in shifted])
-        for name in along(Result, "frequency", "solution", "impact")
+        for name in along(Result, "frequency", "solution", "impact", "contact")
         if getattr(shifted[0], name) is not None
     }
     return replace(shifted[0], **joined)

@@ -33,6 +33,10 @@ def _impact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
     return Quantity(("impact",), unit, long_name, path=f"impact/{column}", **rest)
 
 
+def _contact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
+    return Quantity(("contact",), unit, long_name, path=f"contact/{column}", **rest)
+
+
 def _error(of: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
     """Return the declaration of the error of a column, such as ``"impact/phase"``."""
     return Quantity(dims, unit, f"error of the {long_name}", path=f"error/{of}", **rest)
@@ -51,6 +55,10 @@ class Result:
         "frequency": Group("DriveFrequencies", "Frequencies of the drive."),
         "solution": Group("Solutions", "One row for each periodic motion, admissible or phantom."),
         "impact": Group("SolutionImpacts", "One row for each impact of the solutions."),
+        "contact": Group(
+            "SolutionContacts",
+            "One row for each contact phase of the solutions with stops of finite stiffness.",
+        ),
         "multipliers": Group(
             "Multipliers",
             "Floquet multipliers, by descending modulus; of conjugate ones the one above first.",
@@ -62,6 +70,11 @@ class Result:
         "error/multipliers": Group("MultiplierErrors", "Absolute errors of the multipliers."),
         "error/impact": Group(
             "ImpactErrors", "Absolute errors of columns of the impacts.", together=False
+        ),
+        "error/contact": Group(
+            "SolutionContactErrors",
+            "Absolute errors of columns of the contact phases.",
+            together=False,
         ),
     }
 
@@ -88,6 +101,10 @@ class Result:
     solution_impacts: Annotated[
         Integers,
         _solution("impacts", "1", "impacts per period, 0 of the motion without any"),
+    ]
+    solution_contacts: Annotated[
+        Integers | None,
+        _solution("contacts", "1", "contact phases per period, of stops of finite stiffness"),
     ]
     solution_exists: Annotated[
         Booleans | None,
@@ -230,6 +247,78 @@ class Result:
             error="error/impact/velocity",
         ),
     ]  # fmt: skip
+    contact_solution: Annotated[Integers | None, _contact("solution", "1", "row of its solution")]
+    contact_constraint: Annotated[
+        Integers | None, _contact("constraint", "1", "index of the constraint")
+    ]
+    contact_side: Annotated[
+        Integers | None,
+        _contact("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1)),
+    ]
+    contact_phase: Annotated[
+        Floats | None,
+        _contact(
+            "phase", "1", "phase of the drive at its beginning, Omega t modulo 2 pi",
+            note="0 where the stop is loaded throughout", error="error/contact/phase",
+        ),
+    ]  # fmt: skip
+    contact_time: Annotated[
+        Floats | None,
+        _contact(
+            "time", "time", "time of its beginning in the period of the motion, from phase 0",
+            error="error/contact/time",
+        ),
+    ]  # fmt: skip
+    contact_duration: Annotated[
+        Floats | None,
+        _contact(
+            "duration", "time", "how long the stop pushes",
+            note="the period where it is loaded throughout", error="error/contact/duration",
+        ),
+    ]  # fmt: skip
+    contact_impulse: Annotated[
+        Floats | None,
+        _contact(
+            "impulse", "mass length time-1", "integral of the force of the stop",
+            error="error/contact/impulse", **_UNBOUNDED,
+        ),
+    ]  # fmt: skip
+    contact_peak_force: Annotated[
+        Floats | None,
+        _contact(
+            "peak_force", "mass length time-2", "largest force of the stop",
+            error="error/contact/peak_force", **_UNBOUNDED,
+        ),
+    ]  # fmt: skip
+    contact_velocity: Annotated[
+        Floats | None,
+        _contact(
+            "velocity", "length time-1", "velocity of the coordinate at its beginning",
+            error="error/contact/velocity", missing="the stop is loaded throughout",
+        ),
+    ]  # fmt: skip
+    contact_indentation: Annotated[
+        Floats | None,
+        _contact(
+            "indentation", "length", "largest distance beyond the wall",
+            error="error/contact/indentation", **_UNBOUNDED,
+        ),
+    ]  # fmt: skip
+    contact_start_indentation: Annotated[
+        Floats | None,
+        _contact(
+            "start_indentation", "length", "distance beyond the wall at its beginning",
+            note="positive where a stop with damping pushes again before its wall is left",
+            missing="the stop is loaded throughout",
+        ),
+    ]  # fmt: skip
+    contact_energy_lost: Annotated[
+        Floats | None,
+        _contact(
+            "energy_lost", "mass length2 time-2", "energy that the contact loses",
+            error="error/contact/energy_lost", **_UNBOUNDED,
+        ),
+    ]  # fmt: skip
     multipliers_real: Annotated[
         Floats | None,
         Quantity(("solution", "multiplier"), "1", "real part", path="multipliers/real",
@@ -258,6 +347,42 @@ class Result:
     ]
     error_velocity: Annotated[
         Floats, _error("impact/velocity", "length time-1", "velocity", "impact")
+    ]
+    error_contact_phase: Annotated[
+        Floats | None,
+        _error("contact/phase", "1", "phase", "contact", **_NO_NUMBER),
+    ]
+    error_contact_time: Annotated[
+        Floats | None,
+        _error("contact/time", "time", "time in the period", "contact", **_NO_NUMBER),
+    ]
+    error_contact_duration: Annotated[
+        Floats | None,
+        _error("contact/duration", "time", "duration", "contact", **_NO_NUMBER),
+    ]
+    error_contact_impulse: Annotated[
+        Floats | None,
+        _error("contact/impulse", "mass length time-1", "impulse", "contact", **_NO_NUMBER),
+    ]
+    error_contact_peak_force: Annotated[
+        Floats | None,
+        _error(
+            "contact/peak_force", "mass length time-2", "largest force", "contact", **_NO_NUMBER
+        ),
+    ]
+    error_contact_velocity: Annotated[
+        Floats | None,
+        _error("contact/velocity", "length time-1", "velocity", "contact", **_NO_NUMBER),
+    ]
+    error_contact_indentation: Annotated[
+        Floats | None,
+        _error("contact/indentation", "length", "indentation", "contact", **_NO_NUMBER),
+    ]
+    error_contact_energy_lost: Annotated[
+        Floats | None,
+        _error(
+            "contact/energy_lost", "mass length2 time-2", "energy lost", "contact", **_NO_NUMBER
+        ),
     ]
     error_stability: Annotated[
         Floats | None, _error("solution/stability", "1", "largest modulus", _ALL, **_NO_NUMBER)

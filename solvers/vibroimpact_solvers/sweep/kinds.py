@@ -174,7 +174,7 @@ KINDS: Final[Mapping[str, SweptKind]] = {
             Rule("dofs.*", Stage.ENERGY, changes=("dof",)),
             Rule("tolerance", Stage.IMPULSE),
         ),
-        ragged=frozenset({"solution", "impact"}),
+        ragged=frozenset({"solution", "impact", "contact"}),
     ),
     "attractors": SweptKind(
         attractors,

@@ -1,0 +1,268 @@
+"""Durations of all contact phases: boxes over the period, cut until each shows its roots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.kernels import durations
+from vibroimpact_solvers.kernels.durations import CUT, EMPTY, FULL, RADIUS, TERMS, UNRESOLVED
+from vibroimpact_solvers.meter import look
+from vibroimpact_solvers.periodic_motions.pairs import Complexes
+from vibroimpact_solvers.periodic_motions.stops import relaxed
+from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
+from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells, Relaxed
+
+_FIRST: Final = 8  # boxes of a period
+_LEFT_OUT: Final = 1e-6
+"""Part of a polynomial's size that its terms leave out on the disc, above which a box is cut
+without a look at matrices."""
+_MOST: Final = 20_000  # boxes of a frequency
+_FINEST: Final = 1e-8  # of the period
+_DOUBTFUL: Final = 1e-6  # of the period: boxes in which roots stay unresolved are not smaller
+_ROOM: Final = 64  # roots of a box
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Start:
+    """The form that is zero where a phase begins, of states of the open structure.
+
+    Parameters
+    ----------
+    regained : bool
+        Whether it is the force, under compression, and not the indentation.
+    form : array, shape (2 pair,)
+    level : float
+        Its value at the zero of states.
+    """
+
+    regained: bool
+    form: Floats
+    level: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Durations:
+    """Where durations may be.
+
+    Parameters
+    ----------
+    index : array of int, shape (root,)
+        The frequency.
+    d, half : array, shape (root,)
+        Middle and half width of the interval.
+    sure : array of bool, shape (root,)
+        Whether there is exactly one in it.
+    unresolved : array, shape (frequency,)
+        Part of the period of which nothing is proved.
+    """
+
+    index: Integers
+    d: Floats
+    half: Floats
+    sure: Booleans
+    unresolved: Floats
+
+
+def starts(phases: Phases) -> tuple[Start, ...]:
+    """Return how phases of a stop may begin."""
+    a, side = phases.impact.constraint, phases.impact.side
+    level = side * float(phases.open.level[a]) - phases.wall
+    at_wall = Start(False, side * phases.open.position[a], level)
+    if phases.damping == 0.0:
+        return (at_wall,)
+    return at_wall, Start(True, phases.open.force, phases.open.force_level)
+
+
+def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
+    """Return the intervals of durations of phases that begin in one way."""
+    count = cells.Omega.size
+    every = np.repeat(np.arange(count), _FIRST)
+    half = cells.length[every] / (2.0 * _FIRST)
+    d = np.tile(2.0 * np.arange(_FIRST) + 1.0, count) * half
+    used, lost = np.zeros(count, dtype=np.int64), np.zeros(count)
+    roots_of_all: list[tuple[Integers, Floats, Floats, Integers]] = []
+    index: Integers = every
+    while index.size:
+        look()
+        long = _leaves_out(phases, cells, index, d, half)
+        index, d, half, now = _cut(index, d, half, long)
+        small = half < _FINEST * cells.length[index]
+        over = (used[index] > _MOST) | small
+        np.add.at(lost, index[over], 2.0 * half[over])
+        index, d, half, now = index[~over], d[~over], half[~over], now[~over]
+        again = [(index[~now], d[~now], half[~now])]
+        index, d, half = index[now], d[now], half[now]
+        np.add.at(used, index, 1)
+        for some in relaxed.pieces(phases, cells, index, d):
+            one = relaxed.relaxed(phases, cells, index[some], d[some])
+            states, roots = _roots(phases, cells, start, one, half[some])
+            roots_of_all.append(roots)
+            cut = (states == CUT) | (states == FULL)
+            i, x, w, _ = _cut(index[some], d[some], half[some], cut)
+            kept = int((~cut).sum())  # which come first
+            again.append((i[kept:], x[kept:], w[kept:]))
+        index, d, half = (np.concatenate(parts) for parts in zip(*again, strict=True))
+    if not roots_of_all:
+        none = np.zeros(0)
+        return Durations(none.astype(np.int64), none, none, none.astype(bool), lost)
+    index, d, half, kinds = (np.concatenate(parts) for parts in zip(*roots_of_all, strict=True))
+    open_end = kinds == UNRESOLVED
+    np.add.at(lost, index[open_end], 2.0 * half[open_end])
+    return Durations(index, d, half, ~open_end, lost / cells.length)
+
+
+def _cut(
+    index: Integers, d: Floats, half: Floats, long: Booleans
+) -> tuple[Integers, Floats, Floats, Booleans]:
+    """Return boxes, those that are too long in halves, and which have not been cut."""
+    some, w = index[long], 0.5 * half[long]
+    return (
+        np.concatenate([index[~long], some, some]),
+        np.concatenate([d[~long], d[long] - w, d[long] + w]),
+        np.concatenate([half[~long], w, w]),
+        np.repeat([True, False], [int((~long).sum()), 2 * some.size]),
+    )
+
+
+def _tails(x: Floats) -> Floats:
+    """Return bounds of what the first terms of an exponential series leave out."""
+    return _grown(TERMS * np.log(np.maximum(x, 1e-300)) - _LOG + x)
+
+
+def _grown(x: Floats) -> Floats:
+    """Return exponentials whose products and squares are still numbers."""
+    return np.asarray(np.exp(np.minimum(x, _STEEP)))
+
+
+_LOG: Final = math.lgamma(TERMS + 1.0)
+_STEEP: Final = 150.0  # exponent beyond which boxes are cut anyway
+
+
+def _sizes(side: Side, times: Floats, form: Floats) -> Floats:
+    """Return the sizes of a form or a state by pairs after a flow, (motion, pair)."""
+    n, grows = side.size, _grown(np.maximum(side.growth * times[:, np.newaxis], -_STEEP))
+    pairs = side.pairs
+    lengths = np.hypot(form[:n], form[n:])
+    grows[:, pairs.parabolas] *= 1.0 + times[:, np.newaxis]
+    alive = side.growth * times[:, np.newaxis] > -relaxed.GONE
+    return np.asarray(np.sqrt(2.0) * lengths * grows * alive)
+
+
+def _leaves_out(phases: Phases, cells: Cells, index: Integers, d: Floats, half: Floats) -> Booleans:
+    """Return which boxes are too long for polynomials of what moves in them."""
+    a = phases.impact.constraint
+    reach = RADIUS * half[:, np.newaxis]
+    bad: Booleans = half * cells.Omega[index] * phases.harmonics.max(initial=1.0) > 1.0
+    for side, times, form in (
+        (phases.open, cells.length[index] - d, phases.open.kick[a]),
+        (phases.loaded, d, phases.loaded.force),
+    ):
+        sizes, x = _sizes(side, times, form), side.rate * reach
+        whole = np.sqrt((sizes**2).sum(axis=1))
+        bad |= ~(np.sqrt(((sizes * _tails(x)) ** 2).sum(axis=1)) <= _LEFT_OUT * whole)
+    return np.asarray(bad)
+
+
+def _series(side: Side, live: Integers, first: Floats, half: Floats, sign: float) -> Floats:
+    """Return the Taylor coefficients of ``e^(+-A x half) z`` or of forms, (motion, TERMS, …)."""
+    terms = np.empty((len(first), TERMS, first.shape[1]))
+    terms[:, 0] = first
+    for k in range(1, TERMS):
+        rate = relaxed.drift(side, live, terms[:, k - 1], form=sign > 0.0)
+        terms[:, k] = rate * (sign * half / k)[:, np.newaxis]
+    return terms
+
+
+def _roots(
+    phases: Phases, cells: Cells, start: Start, motions: Relaxed, half: Floats
+) -> tuple[Integers, tuple[Integers, Floats, Floats, Integers]]:
+    """Return what became of boxes, and the intervals of roots in them."""
+    boxes = _boxes(phases, cells, start, motions, half)
+    count = motions.d.size
+    room = _ROOM * count
+    which, kinds = np.empty((2, room), dtype=np.int64)
+    middles, halves = np.empty((2, room))
+    states = np.empty(count, dtype=np.int64)
+    roots_of_all = durations.isolate(boxes, which, middles, halves, kinds, states)
+    of = which[:roots_of_all]
+    # Smaller boxes tell more, until rounding is all that is left.
+    large = half > _DOUBTFUL * cells.length[motions.index]
+    doubtful = of[kinds[:roots_of_all] == UNRESOLVED]
+    states[doubtful[large[doubtful]]] = CUT
+    good = (states == EMPTY)[of]
+    of = of[good]
+    d = motions.d[of] + half[of] * middles[:roots_of_all][good]
+    roots = motions.index[of], d, half[of] * halves[:roots_of_all][good], kinds[:roots_of_all][good]
+    return states, roots
+
+
+def _boxes(
+    phases: Phases, cells: Cells, start: Start, motions: Relaxed, half: Floats
+) -> durations.Boxes:
+    """Return what the kernel has to know of boxes around durations."""
+    index, d, live, loaded = motions.index, motions.d, motions.live, motions.live_loaded
+    to = phases.to_loaded[np.ix_(loaded, live)]
+    U = _series(phases.open, live, motions.u, half, -1.0)
+    V = _series(phases.loaded, loaded, motions.v, half, 1.0)
+    Y = U @ motions.inverse.transpose(0, 2, 1)  # (motion, term, live)
+    own = V @ to  # forms of states at the beginning
+    S = own @ Y.transpose(0, 2, 1) * half[:, np.newaxis, np.newaxis]
+    beta = Y @ start.form[live] * half[:, np.newaxis]
+    jump = cells.jump[index, 0][:, loaded]
+    rate = cells.Omega[index] * phases.harmonics[0] * half
+    powers = np.ones((index.size, TERMS), dtype=np.complex128)
+    for k in range(1, TERMS):
+        powers[:, k] = powers[:, k - 1] * 1j * rate / k
+    push = cells.loaded[:, 0] @ phases.loaded.force
+    turned = np.exp(1j * cells.Omega[index] * phases.harmonics[0] * d)
+    powers *= (push[index] * turned)[:, np.newaxis]
+    at_entry = motions.a[:, 1] @ to.T + jump
+    alpha = np.einsum("mki,mi->mk", V, at_entry) + powers
+    still_entry = motions.a[:, 0].real @ to.T + phases.offset[loaded]
+    still = np.einsum("mki,mi->mk", V, still_entry)
+    still[:, 0] += phases.loaded.force_level
+    Q = motions.a[:, 1] @ start.form[live] + cells.opened[index, 0] @ start.form
+    g = motions.a[:, 0].real @ start.form[live] + start.level
+    end = np.zeros(index.size, dtype=np.int64)
+    if start.regained or phases.damping == 0.0:
+        end[d - half <= 1e-9 * cells.length[index]] = -1
+        if cells.sign > 0.0:
+            end[d + half >= (1.0 - 1e-9) * cells.length[index]] = 1
+    size = _remainders(phases, cells, start, motions, half, (at_entry, still_entry, rate, push))
+    return durations.Boxes(
+        S, beta, np.ascontiguousarray(alpha), still, np.ascontiguousarray(Q), g, size, end
+    )
+
+
+def _remainders(
+    phases: Phases,
+    cells: Cells,
+    start: Start,
+    motions: Relaxed,
+    half: Floats,
+    given: tuple[Complexes, Floats, Floats, Complexes],
+) -> Floats:
+    """Return bounds of what polynomials leave out on the disc, (motion, 3)."""
+    at_entry, still_entry, rate, push = given
+    reach, live, loaded = RADIUS * half[:, np.newaxis], motions.live, motions.live_loaded
+    n, m = live.size // 2, loaded.size // 2
+    x0, x1 = phases.open.rate[live[:n]] * reach, phases.loaded.rate[loaded[:m]] * reach
+
+    def norm(sizes: Floats) -> Floats:
+        return np.asarray(np.sqrt((sizes**2).sum(axis=1)))
+
+    u = np.sqrt(2.0) * np.hypot(motions.u[:, :n], motions.u[:, n:])
+    v = np.sqrt(2.0) * np.hypot(motions.v[:, :m], motions.v[:, m:])
+    u_all, v_all = norm(u * _grown(x0)), norm(v * _grown(x1))
+    u_tail, v_tail = norm(u * _tails(x0)), norm(v * _tails(x1))
+    inverse = np.linalg.norm(motions.inverse, axis=(1, 2)) if n else np.zeros(half.size)
+    S = phases.carried * inverse * half * (v_tail * u_all + v_all * u_tail)
+    beta = float(np.linalg.norm(start.form[live])) * inverse * half * u_tail
+    entered = np.maximum(norm(np.abs(at_entry)), norm(still_entry))
+    alpha = v_tail * entered + np.abs(push[motions.index]) * _tails(RADIUS * rate)
+    return np.asarray(np.nan_to_num(np.stack([S, beta, alpha], axis=1), nan=np.inf))

@@ -1,0 +1,69 @@
+"""Solution of problems with stops of finite stiffness, by their plans."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import Booleans, nothing
+from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.periodic_motions.stops import columns
+from vibroimpact_solvers.periodic_motions.stops.isolation import isolated, starts
+from vibroimpact_solvers.periodic_motions.stops.linear import Linear
+from vibroimpact_solvers.periodic_motions.stops.phases import Phases
+from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions, joined, solutions
+from vibroimpact_solvers.plan import Plan, Stage, Tick, batches
+from vibroimpact_solvers.results.periodic_motions import Result
+
+_STATEMENT: Final = (
+    "estimate: roundings and errors of the modes with the stop open and loaded, taken as "
+    "independent and carried to first order through the equation of the period, four times the "
+    "root of the sum of their squares; work and energy lost: by these errors and their "
+    "difference, which is zero in exact arithmetic"
+)
+_TOGETHER: Final = 16  # frequencies
+
+
+def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> list[Result]:
+    """Return the results of ranges of frequencies."""
+    step = plan.step(Stage.SPECTRUM)
+    assert step is not None
+    phases = Phases.of(problem, spectrum.Method(step.method))
+    return [
+        _solve_block(problem.slice(first, last), phases)
+        for first, last in batches(problem.Omega.size, _TOGETHER, tick)
+    ]
+
+
+def _solve_block(problem: Problem, phases: Phases) -> Result:
+    cells = Cells.of(phases, problem)
+    whole = replace(cells, length=2.0 * cells.length, sign=1.0) if problem.symmetric else cells
+    parts = [columns.of_linear(problem, Linear(phases, whole, held=False))]
+    if not problem.symmetric:
+        parts.append(columns.of_linear(problem, Linear(phases, whole, held=True)))
+    struck, complete = _contacts(phases, cells)
+    parts.append(columns.of(problem, phases, cells, struck))
+    values = nothing(Result) | columns.merged(parts)
+    values["Omega"], values["complete"] = problem.Omega, complete
+    values["error_statement"] = _STATEMENT
+    if {"extremes", "waveform"} & problem.outputs:
+        values["dof"] = problem.output_dofs
+    if "waveform" in problem.outputs:
+        values["tau"] = problem.tau
+    return Result(**values)
+
+
+def _contacts(phases: Phases, cells: Cells) -> tuple[Solutions, Booleans]:
+    """Return the motions with one contact phase per cell, and where none can be missing."""
+    unresolved, parts_found = np.zeros(cells.Omega.size), []
+    for start in starts(phases):
+        durations = isolated(phases, cells, start)
+        unresolved += durations.unresolved
+        parts_found.append(solutions(phases, cells, start, durations))
+    solved = joined(parts_found)
+    order = np.lexsort((solved.d, solved.index))
+    return solved.at(order), unresolved == 0.0
