@@ -18,10 +18,9 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.periodic_motions.stops.along import Part
-from vibroimpact_solvers.periodic_motions.stops.isolation import isolated, starts
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
 from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
-from vibroimpact_solvers.periodic_motions.stops.solutions import joined, solutions
+from vibroimpact_solvers.periodic_motions.stops.search import Search
 
 ALL = frozenset(driven.OUTPUTS)
 
@@ -110,12 +109,9 @@ def solved(case: Case) -> tuple[driven.Result, list[tuple[Any, Any, float, float
     result = driven.solve(problem, driven.plan(problem))
     phases = Phases.of(problem, spectrum.choose(problem.system))
     cells = Cells.of(phases, problem)
-    durations_of = joined(
-        [solutions(phases, cells, s, isolated(phases, cells, s)) for s in starts(phases)]
-    )
-    order = np.lexsort((durations_of.d, durations_of.index))
+    durations_of, _ = Search(problem, phases).contacts(cells)
     states = []
-    for k in order.tolist():
+    for k in range(durations_of.d.size):
         part = Part.at_entry(phases, cells, durations_of, k)
         q, rate = phases.open.coordinates_of(part.states(np.zeros(1))[0])
         modes, still = phases.open.basis.modes, phases.open.basis.still

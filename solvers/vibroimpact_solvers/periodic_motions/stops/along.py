@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,11 +21,29 @@ _NODES: Final = 12
 _PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
 _WEIGHTS: Final = 0.5 * np.polynomial.legendre.leggauss(_NODES)[1]
 _TURN: Final = 2.0  # radians of what turns fastest in a panel
-_SILENT: Final = 1e-18  # of the largest number of a state
-_NUMBERS: Final = 2**20  # that are there at once
-_PANELS: Final = 200_000  # of a part of a motion
+_SILENT: Final = 1e-15  # of a form, what needs no nodes
+_NUMBERS: Final = 2**17  # nodes times pairs, at most
+_LEAST: Final = 500  # nodes that are always allowed
+_LONG: Final = 300.0  # exponents whose exponentials are numbers
+_PEAKS: Final = 8  # nodes between their neighbours at which a form may be largest
 _NEWTON: Final = 6
 _ROUNDED: Final = 8.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Nodes:
+    """A quadrature over a part of a motion.
+
+    Parameters
+    ----------
+    times, weights : array, shape (time,)
+    left : array of int
+        Pairs that are too fast for the nodes.
+    """
+
+    times: Floats
+    weights: Floats
+    left: Integers
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,37 +79,80 @@ class Part:
             moved + (np.exp(1j * times[:, np.newaxis] * self.rates) @ self.steady).real
         )
 
-    def drift(self, times: Floats) -> Floats:
-        """Return the rates of whole states, (time, 2 pair)."""
+    def both(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return whole states and their rates, (time, 2 pair)."""
         flow = self.side.propagators(times)
         moved = relaxed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
-        every = np.arange(self.state.size)
-        moved = relaxed.drift(self.side, every, moved, form=False)
-        turned = np.exp(1j * times[:, np.newaxis] * self.rates) * (1j * self.rates)
-        return np.asarray(moved + (turned @ self.steady).real)
+        rates = relaxed.drift(self.side, np.arange(self.state.size), moved, form=False)
+        turned = np.exp(1j * times[:, np.newaxis] * self.rates)
+        return (
+            np.asarray(moved + (turned @ self.steady).real),
+            np.asarray(rates + ((turned * (1j * self.rates)) @ self.steady).real),
+        )
 
-    def nodes(self) -> Iterator[tuple[Floats, Floats]]:
-        """Yield times and weights of a quadrature, some panels at once."""
-        pairs = self.side.size
-        sizes = np.hypot(self.state[:pairs], self.state[pairs:])
-        some = sizes > _SILENT * sizes.max(initial=0.0)
-        growth, rate = self.side.growth[some], self.side.rate[some]
-        lasts = np.where(growth < 0.0, relaxed.GONE / np.maximum(-growth, 1e-300), np.inf)
+    def nodes(self, form: Floats) -> Nodes:
+        """Return times and weights of a quadrature that is exact for forms (form, 2 pair).
+
+        So it is but for what is fast and of little weight, if all is too much.
+        """
+        n, growth, rate = self.side.size, self.side.growth, self.side.rate
+        sizes = self._lengths(form) * np.hypot(self.state[:n], self.state[n:])
+        grown = sizes * np.exp(np.clip(growth * self.length, 0.0, _LONG))
+        steady = np.abs(self.steady).sum(axis=0)
+        whole = grown.sum(axis=1) + self._lengths(form) @ np.hypot(steady[:n], steady[n:])
+        share = (grown / np.maximum(whole, 1e-300)[:, np.newaxis]).max(axis=0)
+        # Pairs by descending rate; what of them, and for how long, is more than rounding.
+        order = np.argsort(-rate, kind="stable")
+        seen = np.log(np.maximum(share[order], 1e-300) * n / _SILENT)
+        own, fades = growth[order], np.where(growth[order] < 0.0, -growth[order], 0.0)
+        lasts = np.where(fades > 0.0, seen / np.maximum(fades, 1e-300), np.inf)
+        lasts = np.clip(np.where((seen <= 0.0) & (own <= 0.0), 0.0, lasts), 0.0, self.length)
+        most = max(_LEAST, _NUMBERS // max(n, 1))
+        low, high = 0, n
+        while low < high:
+            first = (low + high) // 2
+            if self._panels(rate[order[first:]], lasts[first:])[1].sum() * _NODES <= most:
+                high = first
+            else:
+                low = first + 1
+        left = np.zeros(n, dtype=bool)
+        left[order[:low]] = lasts[:low] > 0.0
+        ends, counts = self._panels(rate[order[low:]], lasts[low:])
+        starts = np.concatenate([[0.0], ends[:-1]])
+        inner = [
+            begin + (end - begin) * np.arange(count) / count
+            for begin, end, count in zip(starts, ends, counts.tolist(), strict=True)
+        ]
+        edges = np.concatenate([*inner, [self.length]])
+        widths = np.diff(edges)[:, np.newaxis]
+        times, weights = edges[:-1, np.newaxis] + widths * _PLACES, widths * _WEIGHTS
+        # Both ends are nodes of no weight: peaks are often there.
+        times = np.concatenate([edges[:1], times.ravel(), edges[-1:]])
+        return Nodes(times, np.concatenate([[0.0], weights.ravel(), [0.0]]), np.flatnonzero(left))
+
+    def _panels(self, rates: Floats, lasts: Floats) -> tuple[Floats, Integers]:
+        """Return ends of stretches and their numbers of panels, for pairs by descending rate."""
         load = float(self.rates.max(initial=0.0))
-        least = max(1, math.ceil(_NUMBERS / (_NODES * 2 * pairs)))
-        begin, ends = 0.0, [0.0]
-        while begin < self.length:
-            fastest = max(load, float(rate[lasts > begin].max(initial=0.0)), 1e-300)
-            width = min(_TURN / fastest, max(self.length - begin, self.length / _PANELS))
-            begin = min(begin + width, self.length)
-            if self.length - begin < 1e-12 * self.length:
-                begin = self.length
-            ends.append(begin)
-            if len(ends) > least:
-                yield _panels(ends)
-                ends = [begin]
-        if len(ends) > 1:
-            yield _panels(ends)
+        until = np.append(np.maximum.accumulate(lasts) if lasts.size else lasts, self.length)
+        width = np.diff(until, prepend=0.0)
+        fastest = np.maximum(np.append(rates, 0.0), load)
+        some = width > 1e-12 * self.length
+        some[-1] |= not some.any()
+        ends = until[some]
+        ends[-1] = self.length
+        counts = np.ceil(np.diff(ends, prepend=0.0) * fastest[some] / _TURN)
+        return ends, np.maximum(np.minimum(counts, 1e9), 1.0).astype(np.int64)
+
+    def _lengths(self, form: Floats) -> Floats:
+        n = self.side.size
+        return np.asarray(np.hypot(form[:, :n], form[:, n:]))
+
+    def ripple(self, form: Floats, nodes: Nodes) -> Floats:
+        """Return the sizes of what the nodes leave out of forms, (time, form)."""
+        left, n = nodes.left, self.side.size
+        sizes = np.hypot(self.state[left], self.state[left + n])
+        decay = np.exp(np.clip(nodes.times[:, np.newaxis] * self.side.growth[left], -_LONG, _LONG))
+        return np.asarray((decay * sizes) @ self._lengths(form)[:, left].T)
 
     def error_of(self, form: Floats) -> Floats:
         """Return errors of forms (form, 2 pair) along the part, (form,)."""
@@ -116,15 +176,6 @@ class Part:
             phases.open, solved.entry[k], cells.opened[f] * turned[:, np.newaxis],
             cells.Omega[f] * phases.harmonics, turned, 0.0, solved.left_error[k],
         )  # fmt: skip
-
-
-def _panels(ends: list[float]) -> tuple[Floats, Floats]:
-    edges = np.array(ends)
-    widths = np.diff(edges)[:, np.newaxis]
-    times, weights = edges[:-1, np.newaxis] + widths * _PLACES, widths * _WEIGHTS
-    # Both ends are nodes of no weight: peaks are often there.
-    times = np.concatenate([edges[:1], times.ravel(), edges[-1:]])
-    return times, np.concatenate([[0.0], weights.ravel(), [0.0]])
 
 
 def parts(phases: Phases, cells: Cells, solved: Solutions, k: int) -> tuple[Part, Part]:
@@ -157,6 +208,8 @@ class Sums:
     peak_force, indentation, impulse, rubbed : float
         Of the contact phase; rubbed is the integral of the squared rate of the indentation.
     x_error : array, shape (dof,)
+    rms_error : array, shape (dof,)
+        Integrals of errors of squares.
     energy_error, force_error, indentation_error, impulse_error, rubbed_error : float
     """
 
@@ -164,6 +217,7 @@ class Sums:
     lowest: Floats
     squares: Floats
     x_error: Floats
+    rms_error: Floats
     work: float = 0.0
     dissipated: float = 0.0
     flow: float = 0.0
@@ -185,7 +239,7 @@ def sums(problem: Problem, phases: Phases, one: tuple[Part, ...], contact: int =
     wanted = dofs if {"extremes", "waveform"} & problem.outputs else dofs[:0]
     total = Sums(
         np.full(wanted.size, -np.inf), np.full(wanted.size, np.inf), np.zeros(wanted.size),
-        np.zeros(wanted.size),
+        np.zeros(wanted.size), np.zeros(wanted.size),
     )  # fmt: skip
     for place, part in enumerate(one):
         look()
@@ -208,61 +262,60 @@ def forms_of(side: Side, dofs: Integers) -> tuple[Floats, Floats]:
 
 def _extremes(part: Part, dofs: Integers, total: Sums) -> None:
     form, still = forms_of(part.side, dofs)
-    for times, weights in part.nodes():
-        x = part.states(times) @ form.T + still
-        total.squares += weights @ x**2
-        for sign, name in ((1.0, "highest"), (-1.0, "lowest")):
-            best = sign * peaks(part, sign * form, sign * still, times, sign * x)
-            old = getattr(total, name)
-            setattr(total, name, np.maximum(old, best) if sign > 0 else np.minimum(old, best))
+    nodes = part.nodes(form)
+    x = part.states(nodes.times) @ form.T + still
+    ripple = part.ripple(form, nodes)
+    total.squares += nodes.weights @ x**2
     error = part.error_of(form) + _ROUNDED * EPS * np.abs(still)
+    for sign, name in ((1.0, "highest"), (-1.0, "lowest")):
+        best = sign * peaks(part, sign * form, sign * still, nodes.times, sign * x)
+        old = getattr(total, name)
+        setattr(total, name, np.maximum(old, best) if sign > 0 else np.minimum(old, best))
+        if nodes.left.size:
+            error = np.maximum(error, (sign * (x - best) + 2.0 * ripple).max(axis=0))
     total.x_error = np.maximum(total.x_error, error)
+    total.rms_error += nodes.weights @ (ripple * (2.0 * np.abs(x) + ripple))
 
 
 def peaks(part: Part, form: Floats, level: Floats, times: Floats, seen: Floats) -> Floats:
     """Return the largest values of forms near times at which they are seen, (form,)."""
-    rates = part.drift(times) @ form.T
+    seen = np.ascontiguousarray(seen.T)
+    best, columns = seen.max(axis=1), np.arange(form.shape[0])
+    low = seen.copy()
+    low[:, 1:][seen[:, 1:] < seen[:, :-1]] = -np.inf
+    low[:, :-1][seen[:, :-1] < seen[:, 1:]] = -np.inf
+    few = max(len(times) - _PEAKS, 0)
+    row = np.argpartition(low, few, axis=1)[:, few:].T
     slope = relaxed.drift(part.side, np.arange(form.shape[1]), form, form=True)
-    bends = part.drift(times) @ slope.T
     # The steady response turns at its own rates: its second derivative is not that of the form.
-    turned = np.exp(1j * times[:, np.newaxis] * part.rates)
-    bends += _correction(part, form, slope, turned)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.where(bends < 0.0, -rates / bends, 0.0)
-        apart = np.diff(times).max(initial=0.0)
-        guess = np.where(np.abs(off) <= apart, seen + 0.5 * off * rates, seen)
-    row, column = guess.argmax(axis=0), np.arange(form.shape[0])
-    best = seen.max(axis=0)
-    at = times[row] + np.where(np.abs(off) <= apart, off, 0.0)[row, column]
-    low, high = times[0], times[-1]
-    for _ in range(_NEWTON):
-        at = np.clip(at, low, high)
-        value = (part.states(at) * form).sum(axis=1) + level
-        best = np.fmax(best, value)
-        moved = part.drift(at)
-        rate = (moved * form).sum(axis=1)
-        turned = np.exp(1j * at[:, np.newaxis] * part.rates)
-        bend = (moved * slope).sum(axis=1) + _correction_rows(part, form, slope, turned)
+    rates = 1j * part.rates[:, np.newaxis]
+    more = (rates * (rates * (part.steady @ form.T) - part.steady @ slope.T)).T
+
+    def step(at: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return values, slopes, and Newton's steps of forms at times (…, form) of their own."""
+        state, moved = (z.reshape(*at.shape, -1) for z in part.both(at.ravel()))
+        value = (state * form).sum(axis=-1) + level
+        rate = (moved * form).sum(axis=-1)
+        turned = np.exp(1j * at[..., np.newaxis] * part.rates)
+        bend = (moved * slope).sum(axis=-1) + (turned * more).real.sum(axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(bend < 0.0, -rate / bend, 0.0)
-        if not (np.abs(step) > 1e-9 * np.maximum(np.abs(at), apart)).any():
+            way = np.where(bend < 0.0, -rate / bend, 0.0)
+        return value, rate, np.where(np.isfinite(way), way, 0.0)
+
+    value, rate, way = step(times[row])
+    gap = np.diff(times).max(initial=0.0)
+    near = np.abs(way) <= gap
+    guess = np.where(near, value + 0.5 * way * rate, value)
+    first = guess.argmax(axis=0)
+    at = times[row][first, columns] + np.where(near, way, 0.0)[first, columns]
+    for _ in range(_NEWTON):
+        at = np.clip(at, times[0], times[-1])
+        value, _, way = step(at)
+        best = np.fmax(best, value)
+        if not (np.abs(way) > 1e-9 * np.maximum(np.abs(at), gap)).any():
             break
-        at = at + np.where(np.isfinite(step), step, 0.0)
+        at = at + way
     return np.asarray(best)
-
-
-def _correction(part: Part, form: Floats, slope: Floats, turned: Complexes) -> Floats:
-    """Return what to add to ``slope . z'`` for the second derivatives of forms, (time, form)."""
-    rates = 1j * part.rates[:, np.newaxis]
-    more = rates * (rates * (part.steady @ form.T) - part.steady @ slope.T)
-    return np.asarray((turned @ more).real)
-
-
-def _correction_rows(part: Part, form: Floats, slope: Floats, turned: Complexes) -> Floats:
-    """Return the same of each form at a time of its own, (form,)."""
-    rates = 1j * part.rates[:, np.newaxis]
-    more = rates * (rates * (part.steady @ form.T) - part.steady @ slope.T)
-    return np.asarray((turned * more.T).sum(axis=1).real)
 
 
 def _energies(phases: Phases, part: Part, total: Sums) -> None:
@@ -273,21 +326,20 @@ def _energies(phases: Phases, part: Part, total: Sums) -> None:
     pushed, scale, n = forces * part.turned[:, np.newaxis], phases.scale, free.roots.size
     modal = side.basis.velocity(np.eye(n)).reshape(n, -1)
     rate_error = part.error_of(modal)
-    for times, weights in part.nodes():
-        _, rate = side.coordinates_of(part.states(times))
-        v = scale * (rate @ side.vectors.T)
-        load = (np.exp(1j * times[:, np.newaxis] * part.rates) @ pushed).real
-        power = (load * v).sum(axis=1)
-        total.work += float(weights @ power) / scale
-        sizes = np.abs(load) * np.abs(v)
-        total.flow += float(weights @ sizes.sum(axis=1)) / scale
-        off = scale * (np.abs(side.vectors) @ rate_error)
-        total.work_error += float(weights @ (np.abs(load) @ off)) / scale
-        if free.damping is not None and free.damping.size:
-            dragged = v @ free.damping
-            total.dissipated += float(weights @ (dragged * v).sum(axis=1)) / scale
-            each = 2.0 * np.abs(dragged) @ off + np.abs(v) ** 2 @ free.damping_errors
-            total.loss_error += float(weights @ each) / scale
+    nodes = part.nodes(modal)
+    weights, flow = nodes.weights / scale, np.exp(1j * nodes.times[:, np.newaxis] * part.rates)
+    _, rate = side.coordinates_of(part.states(nodes.times))
+    v = scale * (rate @ side.vectors.T)
+    load = (flow @ pushed).real
+    total.work += float(weights @ (load * v).sum(axis=1))
+    total.flow += float(weights @ (np.abs(load) * np.abs(v)).sum(axis=1))
+    off = scale * (rate_error + part.ripple(modal, nodes)) @ np.abs(side.vectors).T
+    total.work_error += float(weights @ (np.abs(load) * off).sum(axis=1))
+    if free.damping is not None and free.damping.size:
+        dragged = v @ free.damping
+        total.dissipated += float(weights @ (dragged * v).sum(axis=1))
+        each = (np.abs(dragged) * off).sum(axis=1) * 2.0 + v**2 @ free.damping_errors
+        total.loss_error += float(weights @ each)
 
 
 def _forces(phases: Phases, part: Part, total: Sums) -> None:
@@ -304,15 +356,18 @@ def _forces(phases: Phases, part: Part, total: Sums) -> None:
     speed = sign * side.velocity[a]
     rate_error = float(part.error_of(speed[np.newaxis])[0])
     errors = part.error_of(both) + _ROUNDED * EPS * np.array([side.force_size, np.abs(level)[0]])
-    for times, weights in part.nodes():
-        z = part.states(times)
-        seen = z @ both.T + levels
-        force, deep = peaks(part, both, levels, times, seen)
-        total.peak_force = max(total.peak_force, float(force))
-        total.indentation = max(total.indentation, float(deep))
-        total.impulse += float(weights @ seen[:, 0]) / phases.scale
-        v = phases.scale * (z @ speed)
-        total.rubbed += float(weights @ v**2) / phases.scale
-        total.rubbed_error += float(weights @ np.abs(v)) * 2.0 * rate_error
+    steady_error = float(errors[0])
+    nodes = part.nodes(np.concatenate([both, speed[np.newaxis]]))
+    z, weights = part.states(nodes.times), nodes.weights / phases.scale
+    seen, ripple = z @ both.T + levels, part.ripple(both, nodes)
+    best = peaks(part, both, levels, nodes.times, seen)
+    if nodes.left.size:
+        errors = np.maximum(errors, (seen - best + 2.0 * ripple).max(axis=0))
+    total.peak_force, total.indentation = (float(value) for value in best)
+    total.impulse = float(weights @ seen[:, 0])
+    v, own = phases.scale * (z @ speed), part.ripple(speed[np.newaxis], nodes)[:, 0]
+    total.rubbed = float(weights @ v**2)
+    off = phases.scale * (rate_error + own)
+    total.rubbed_error = float(weights @ ((2.0 * np.abs(v) + off) * off))
     total.force_error, total.indentation_error = (float(e) for e in errors)
-    total.impulse_error = float(errors[0]) * part.length / phases.scale
+    total.impulse_error = steady_error * part.length / phases.scale + float(weights @ ripple[:, 0])

@@ -26,6 +26,7 @@ _CONTACT = (
     "phase", "time", "duration", "impulse", "peak_force", "velocity", "indentation", "energy_lost",
 )  # fmt: skip
 _WITH_ERRORS = _CONTACT
+_TINY = float(np.finfo(float).tiny)
 
 
 def of_linear(problem: Problem, response: Linear) -> Columns:
@@ -183,8 +184,10 @@ def _along(
                 low = -high
             columns["solution_x_max"][k], columns["solution_x_min"][k] = high, low
             columns["solution_rms"][k] = np.sqrt(total.squares / lengths[k])
-            for name in ("x_max", "x_min", "rms"):
+            rms, lost = columns["solution_rms"][k], total.rms_error / lengths[k]
+            for name in ("x_max", "x_min"):
                 columns[f"error_{name}"][k] = total.x_error
+            columns["error_rms"][k] = total.x_error + lost / np.maximum(rms, np.sqrt(lost) + _TINY)
         if "energy" in problem.outputs:
             columns["solution_work"][k] = both * total.work
             columns["solution_energy_lost"][k] = both * total.dissipated

@@ -21,7 +21,10 @@ _FIRST: Final = 8  # boxes of a period
 _LEFT_OUT: Final = 1e-6
 """Part of a polynomial's size that its terms leave out on the disc, above which a box is cut
 without a look at matrices."""
-_MOST: Final = 20_000  # boxes of a frequency
+_AGAIN: Final = 4  # times the number of boxes, that are examined in the end at most
+_FEW: Final = 2000  # boxes of a frequency that are examined anyway
+_CUBES: Final = 7e3
+"""Cube of the number of modes in motion with which a box takes twice the time of one with few."""
 _FINEST: Final = 1e-8  # of the period
 _DOUBTFUL: Final = 1e-6  # of the period: boxes in which roots stay unresolved are not smaller
 _ROOM: Final = 64  # roots of a box
@@ -78,34 +81,77 @@ def starts(phases: Phases) -> tuple[Start, ...]:
     return at_wall, Start(True, phases.open.force, phases.open.force_level)
 
 
-def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
-    """Return the intervals of durations of phases that begin in one way."""
+@dataclass(frozen=True, eq=False, slots=True)
+class Boxes:
+    """Boxes over the period in which polynomials tell what moves.
+
+    Parameters
+    ----------
+    index : array of int, shape (box,)
+        The frequency.
+    d, half : array, shape (box,)
+        Middle and half width.
+    left : array, shape (frequency,)
+        Length of what is not in a box.
+    work : array, shape (frequency,)
+        About how much work they are, in boxes of few modes.
+    """
+
+    index: Integers
+    d: Floats
+    half: Floats
+    left: Floats
+    work: Floats
+
+    @classmethod
+    def of(cls, phases: Phases, cells: Cells, most: int) -> Boxes:
+        """Cut periods; if there are more boxes of one than a number, take the shorter durations."""
+        count = cells.Omega.size
+        left, found = np.zeros(count), np.zeros(count, dtype=np.int64)
+        index, d, half = _whole(cells)
+        parts: list[tuple[Integers, Floats, Floats]] = []
+        while index.size:
+            look()
+            over = _beyond(index, d, most - found) | (half < _FINEST * cells.length[index])
+            np.add.at(left, index[over], 2.0 * half[over])
+            index, d, half = index[~over], d[~over], half[~over]
+            long = _leaves_out(phases, cells, index, d, half)
+            parts.append((index[~long], d[~long], half[~long]))
+            np.add.at(found, index[~long], 1)
+            index, d, half = _halves(index[long], d[long], half[long])
+        index, d, half = (np.concatenate(each) for each in zip(*parts, strict=True))
+        work = np.zeros(count)
+        np.add.at(work, index, 1.0 + relaxed.live_counts(phases, cells, index, d) ** 3 / _CUBES)
+        return cls(index, d, half, left, work)
+
+    def at(self, which: Booleans) -> Boxes:
+        """Return those of some frequencies."""
+        some = which[self.index]
+        return Boxes(self.index[some], self.d[some], self.half[some], self.left * which, self.work)
+
+
+def isolated(phases: Phases, cells: Cells, start: Start, boxes: Boxes) -> Durations:
+    """Return the intervals of durations of phases that begin in one way, in some boxes."""
     count = cells.Omega.size
-    every = np.repeat(np.arange(count), _FIRST)
-    half = cells.length[every] / (2.0 * _FIRST)
-    d = np.tile(2.0 * np.arange(_FIRST) + 1.0, count) * half
-    used, lost = np.zeros(count, dtype=np.int64), np.zeros(count)
+    most = _AGAIN * np.bincount(boxes.index, minlength=count) + _FEW
+    used, lost = np.zeros(count, dtype=np.int64), boxes.left.copy()
     roots_of_all: list[tuple[Integers, Floats, Floats, Integers]] = []
-    index: Integers = every
+    index, d, half = boxes.index, boxes.d, boxes.half
     while index.size:
         look()
-        long = _leaves_out(phases, cells, index, d, half)
-        index, d, half, now = _cut(index, d, half, long)
-        small = half < _FINEST * cells.length[index]
-        over = (used[index] > _MOST) | small
+        over = _beyond(index, d, most - used) | (half < _FINEST * cells.length[index])
         np.add.at(lost, index[over], 2.0 * half[over])
-        index, d, half, now = index[~over], d[~over], half[~over], now[~over]
-        again = [(index[~now], d[~now], half[~now])]
-        index, d, half = index[now], d[now], half[now]
+        index, d, half = index[~over], d[~over], half[~over]
         np.add.at(used, index, 1)
+        again = []
         for some in relaxed.pieces(phases, cells, index, d):
             one = relaxed.relaxed(phases, cells, index[some], d[some])
             states, roots = _roots(phases, cells, start, one, half[some])
             roots_of_all.append(roots)
-            cut = (states == CUT) | (states == FULL)
-            i, x, w, _ = _cut(index[some], d[some], half[some], cut)
-            kept = int((~cut).sum())  # which come first
-            again.append((i[kept:], x[kept:], w[kept:]))
+            cut = some[(states == CUT) | (states == FULL)]
+            again.append(_halves(index[cut], d[cut], half[cut]))
+        if not again:
+            break
         index, d, half = (np.concatenate(parts) for parts in zip(*again, strict=True))
     if not roots_of_all:
         none = np.zeros(0)
@@ -116,17 +162,27 @@ def isolated(phases: Phases, cells: Cells, start: Start) -> Durations:
     return Durations(index, d, half, ~open_end, lost / cells.length)
 
 
-def _cut(
-    index: Integers, d: Floats, half: Floats, long: Booleans
-) -> tuple[Integers, Floats, Floats, Booleans]:
-    """Return boxes, those that are too long in halves, and which have not been cut."""
-    some, w = index[long], 0.5 * half[long]
-    return (
-        np.concatenate([index[~long], some, some]),
-        np.concatenate([d[~long], d[long] - w, d[long] + w]),
-        np.concatenate([half[~long], w, w]),
-        np.repeat([True, False], [int((~long).sum()), 2 * some.size]),
-    )
+def _whole(cells: Cells) -> tuple[Integers, Floats, Floats]:
+    """Return the first boxes of frequencies: their frequencies, middles and half widths."""
+    index = np.repeat(np.arange(cells.Omega.size), _FIRST)
+    half = cells.length[index] / (2.0 * _FIRST)
+    return index, np.tile(2.0 * np.arange(_FIRST) + 1.0, cells.Omega.size) * half, half
+
+
+def _beyond(index: Integers, d: Floats, room: Integers) -> Booleans:
+    """Return which boxes are too many for the room of their frequencies, from the shortest on."""
+    order = np.lexsort((d, index))
+    sizes = np.bincount(index, minlength=room.size)
+    place = np.empty(index.size, dtype=np.int64)
+    place[order] = np.arange(index.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return np.asarray(place >= room[index])
+
+
+def _halves(index: Integers, d: Floats, half: Floats) -> tuple[Integers, Floats, Floats]:
+    """Return boxes cut in halves."""
+    w = 0.5 * half
+    both = np.concatenate([index, index]), np.concatenate([d - w, d + w])
+    return *both, np.concatenate([w, w])
 
 
 def _tails(x: Floats) -> Floats:

@@ -111,7 +111,7 @@ class Relaxed:
 
 def pieces(phases: Phases, cells: Cells, index: Integers, d: Floats) -> list[Integers]:
     """Return motions grouped such that matrices of a group are small: indices of each group."""
-    gone = _live_counts(phases, cells, index, d)
+    gone = live_counts(phases, cells, index, d)
     order = np.lexsort((d, gone))
     groups: list[Integers] = []
     first = 0
@@ -126,7 +126,8 @@ def pieces(phases: Phases, cells: Cells, index: Integers, d: Floats) -> list[Int
     return groups
 
 
-def _live_counts(phases: Phases, cells: Cells, index: Integers, d: Floats) -> Integers:
+def live_counts(phases: Phases, cells: Cells, index: Integers, d: Floats) -> Integers:
+    """Return the numbers of modes that have not decayed in the open phase, (motion,)."""
     rest = cells.length[index] - d
     own = phases.open.growth[phases.open.pairs.moving]
     return np.asarray((own * rest[:, np.newaxis] > -GONE).sum(axis=1))

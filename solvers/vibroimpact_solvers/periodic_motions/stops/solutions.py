@@ -98,7 +98,7 @@ def solutions(phases: Phases, cells: Cells, start: Start, intervals: Durations) 
         return polished(
             phases, cells, start, intervals.index[:0], intervals.d, intervals.d, intervals.d
         )
-    return _apart(cells, joined(parts))
+    return apart(cells, joined(parts))
 
 
 def joined(parts: list[Solutions]) -> Solutions:
@@ -174,13 +174,14 @@ def _values(
 
 def polished(
     phases: Phases, cells: Cells, start: Start, index: Integers, d: Floats, theta: Floats,
-    reach: Floats,
+    reach: Floats, *, settled: bool = False,
 ) -> Solutions:  # fmt: skip
     """Return solutions by Newton's method in both phase and duration from good starts.
 
-    Those that leave their start by more than the reach, and some, are left out.
+    Those that leave their start by more than the reach, and some, are left out; so are, if
+    `settled`, those at which the last step is not small.
     """
-    first = d
+    first, still = d, np.ones(d.size, dtype=bool)
     for _ in range(_STEPS):
         if not index.size:
             break
@@ -197,8 +198,11 @@ def polished(
         index, d, theta = index[good], (d + more)[good], (theta + turn)[good]
         first, reach = first[good], reach[good]
         small = np.abs(more[good]) <= _DONE * length[good]
+        still = (np.abs(more[good]) <= _SAME * length[good]) & (np.abs(turn[good]) <= _SAME)
         if small.all() and (np.abs(turn[good]) <= 64.0 * _DONE).all():
             break
+    if settled:
+        index, d, theta = index[still], d[still], theta[still]
     return _solved(phases, cells, start, index, d, np.mod(theta, 2.0 * np.pi))
 
 
@@ -229,7 +233,7 @@ def _solved(
     return solved.at(np.flatnonzero(good))
 
 
-def _apart(cells: Cells, solved: Solutions) -> Solutions:
+def apart(cells: Cells, solved: Solutions) -> Solutions:
     """Return solutions, each of them once, by frequency and duration."""
     order = np.lexsort((solved.phase, solved.d, solved.index))
     keep: list[int] = []

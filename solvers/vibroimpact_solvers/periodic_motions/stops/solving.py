@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Booleans, nothing
+from vibroimpact_solvers.arrays import nothing
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns
-from vibroimpact_solvers.periodic_motions.stops.isolation import isolated, starts
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
 from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
-from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions, joined, solutions
+from vibroimpact_solvers.periodic_motions.stops.search import Search
 from vibroimpact_solvers.plan import Plan, Stage, Tick, batches
 from vibroimpact_solvers.results.periodic_motions import Result
 
@@ -33,19 +30,20 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> list[Result
     step = plan.step(Stage.SPECTRUM)
     assert step is not None
     phases = Phases.of(problem, spectrum.Method(step.method))
+    search = Search(problem, phases)
     return [
-        _solve_block(problem.slice(first, last), phases)
+        _solve_block(problem.slice(first, last), phases, search)
         for first, last in batches(problem.Omega.size, _TOGETHER, tick)
     ]
 
 
-def _solve_block(problem: Problem, phases: Phases) -> Result:
+def _solve_block(problem: Problem, phases: Phases, search: Search) -> Result:
     cells = Cells.of(phases, problem)
     whole = replace(cells, length=2.0 * cells.length, sign=1.0) if problem.symmetric else cells
     parts = [columns.of_linear(problem, Linear(phases, whole, held=False))]
     if not problem.symmetric:
         parts.append(columns.of_linear(problem, Linear(phases, whole, held=True)))
-    struck, complete = _contacts(phases, cells)
+    struck, complete = search.contacts(cells)
     parts.append(columns.of(problem, phases, cells, struck))
     values = nothing(Result) | columns.merged(parts)
     values["Omega"], values["complete"] = problem.Omega, complete
@@ -55,15 +53,3 @@ def _solve_block(problem: Problem, phases: Phases) -> Result:
     if "waveform" in problem.outputs:
         values["tau"] = problem.tau
     return Result(**values)
-
-
-def _contacts(phases: Phases, cells: Cells) -> tuple[Solutions, Booleans]:
-    """Return the motions with one contact phase per cell, and where none can be missing."""
-    unresolved, parts_found = np.zeros(cells.Omega.size), []
-    for start in starts(phases):
-        durations = isolated(phases, cells, start)
-        unresolved += durations.unresolved
-        parts_found.append(solutions(phases, cells, start, durations))
-    solved = joined(parts_found)
-    order = np.lexsort((solved.d, solved.index))
-    return solved.at(order), unresolved == 0.0
