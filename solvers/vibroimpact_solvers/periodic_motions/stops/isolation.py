@@ -104,8 +104,8 @@ class Boxes:
     work: Floats
 
     @classmethod
-    def of(cls, phases: Phases, cells: Cells, most: int) -> Boxes:
-        """Cut periods; if there are more boxes of one than a number, take the shorter durations."""
+    def of(cls, phases: Phases, cells: Cells, most: Integers) -> Boxes:
+        """Cut periods; of more boxes than a number (frequency,), take the shorter durations."""
         count = cells.Omega.size
         left, found = np.zeros(count), np.zeros(count, dtype=np.int64)
         index, d, half = _whole(cells)

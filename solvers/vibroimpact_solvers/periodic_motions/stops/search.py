@@ -14,6 +14,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Booleans, Integers
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import isolation, relaxed
+from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.isolation import Boxes
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
 from vibroimpact_solvers.periodic_motions.stops.reduction import Reduced
@@ -25,13 +26,16 @@ from vibroimpact_solvers.periodic_motions.stops.solutions import (
     polished,
     solutions,
 )
+from vibroimpact_solvers.results.impact_modes import Reason
 
 _WORK: Final = 1500.0
 """Work of a frequency up to which it is proved that none is missed (`Boxes.work`): about a tenth of
 a second."""
 _MOST: Final = 1500  # boxes of a frequency
+_LESS: Final = 600  # those of a frequency at which motions may be missed
 _FEW: Final = 300  # work, and boxes, of a frequency with a reduced structure
 _FEWER: Final = (16, 12, 8, 5)  # modes of reduced structures
+_PHANTOMS: Final = 16  # of a frequency that are listed, and all motions
 _REACH: Final = 0.02  # of the period, how far durations of the whole structure may be off
 
 
@@ -52,25 +56,38 @@ class Search:
     def contacts(self, cells: Cells) -> tuple[Solutions, Booleans]:
         """Return the motions with one contact phase per cell, and where none can be missing."""
         phases, parts = self._phases, []
-        boxes = Boxes.of(phases, cells, _MOST)
+        boxes = Boxes.of(phases, cells, np.full(cells.Omega.size, _MOST))
         complete = (boxes.left == 0.0) & (boxes.work <= _WORK)
         left, whole = np.flatnonzero(~complete), complete.copy()
         for size in _FEWER:
             if not left.size or (reduced := self._by_slowest(size)) is None:
                 continue
             few = reduced.cells(phases.scale * cells.Omega[left])
-            smaller = Boxes.of(reduced.phases, few, _FEW)
+            smaller = Boxes.of(reduced.phases, few, np.full(left.size, _FEW))
             now = (smaller.left == 0.0) & (smaller.work <= _FEW) | (size == _FEWER[-1])
             parts += self._from(reduced, few, smaller.at(now), cells, left)
             left = left[~now]
-        whole[left] = True
+        if left.size:
+            whole[left] = True
+            boxes = Boxes.of(phases, cells, np.where(complete, _MOST, _LESS))
         for start in self._starts:
             found = isolation.isolated(phases, cells, start, boxes.at(whole))
             complete &= found.unresolved == 0.0
             parts.append(solutions(phases, cells, start, found))
         solved = joined(parts)
-        order = np.lexsort((solved.d, solved.index))
-        return solved.at(order), complete
+        solved = solved.at(np.lexsort((solved.d, solved.index)))
+        return solved.at(self._listed(cells, solved)), complete
+
+    def _listed(self, cells: Cells, solved: Solutions) -> Integers:
+        """Return the solutions that are listed: of very many phantoms only the first ones."""
+        counts = np.bincount(solved.index, minlength=cells.Omega.size)
+        place = np.arange(solved.index.size) - (np.cumsum(counts) - counts)[solved.index]
+        late = np.flatnonzero(place >= _PHANTOMS)
+        if not late.size:
+            return np.arange(solved.index.size)
+        decided = verdicts(self._problem, self._phases, cells, solved.at(late))
+        phantom = late[decided.reason != Reason.OK]
+        return np.setdiff1d(np.arange(solved.index.size), phantom)
 
     def _by_slowest(self, size: int) -> Reduced | None:
         if size not in self._reduced:
