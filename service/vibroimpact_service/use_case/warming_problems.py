@@ -39,6 +39,17 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             "load": [{"dof": 0, "amplitude": 1}, {"dof": 0, "amplitude": 0.5, "harmonic": 2}],
             "frequency": {"values": [0.7]},
         },
+        # A stop with a stiffness.
+        {
+            "system": {
+                **_DAMPED,
+                "constraints": [
+                    {"dof": 0, "gap": 0.2, "law": {"type": "linear", "stiffness": 4, "damping": 0.5}}
+                ],
+            },
+            "load": [{"dof": 0, "amplitude": 1}],
+            "frequency": {"values": [0.7]},
+        },
     ),
     "attractors": (
         # Masses that rest at their walls.
