@@ -130,6 +130,25 @@ def _periodic(random: Random) -> tuple[str, Document]:
     return f"{one.name}, {num} frequencies, {asked}", document
 
 
+def _periodic_with_stops(random: Random) -> tuple[str, Document]:
+    one = draw(random, small=True)
+    start, stop = _band(random, one, 0.5, 1.5)
+    num = _count(random, 1, 40)
+    document = {**_driven(random, one), "frequency": {"start": start, "stop": stop, "num": num}}
+    (limiter,) = document["system"]["constraints"]
+    law = {"type": "linear", "stiffness": one.first**2 / one.share * float(random.uniform(3, 300))}
+    if random.random() < 0.5:
+        law["restitution"] = float(random.uniform(0.5, 0.95))
+    kept = {name: value for name, value in limiter.items() if name != "restitution"}
+    document["system"] = {**document["system"], "constraints": [{**kept, "law": law}]}
+    if limiter["gap"] == one.gap and random.random() < 0.5:
+        document["sequence"] = "symmetric"
+    if random.random() < 0.4:
+        document["outputs"] = ["exists", *_some(random, "extremes", "energy", "stability")]
+    asked = ", ".join(document.get("outputs", ["all"]))
+    return f"{one.name}, {num} frequencies, {asked}", document
+
+
 def _branches(random: Random) -> tuple[str, Document]:
     one = draw(random, small=True)
     at = one.first * float(random.uniform(0.9, 1.2))
@@ -282,6 +301,7 @@ DRAWN: Final[Mapping[str, tuple[str, Callable[[Random], tuple[str, Document]]]]]
     "natural-frequencies": ("natural-frequencies", _natural),
     "resonances": ("resonances", _resonances),
     "periodic-motions": ("periodic-motions", _periodic),
+    "periodic-motions with stops": ("periodic-motions", _periodic_with_stops),
     "branches": ("branches", _branches),
     "attractors": ("attractors", _attractors),
     "time-history": ("time-history", _history),

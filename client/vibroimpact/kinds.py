@@ -625,6 +625,10 @@ class PeriodicMotionsErrorContact(Table):
     """Error of the velocity, shape (contact_index), length / time; nan: there is no number."""
     indentation: Floats
     """Error of the indentation, shape (contact_index), length; nan: there is no number."""
+    start_indentation: Floats
+    """Error of the distance beyond the wall at the beginning, shape (contact_index), length;
+    nan: there is no number.
+    """
     energy_lost: Floats
     """Error of the energy lost, shape (contact_index), mass length² / time²; nan: there is no
     number.

@@ -10,6 +10,7 @@ _DAMPED: Final = {**_OSCILLATOR, "zeta": 0.01}
 _LOSSY: Final = {**_OSCILLATOR, "constraints": [{"dof": 0, "gap": 1, "restitution": 0.95}]}
 _TWO_MASSES: Final = {**_DAMPED, "preset": "two_mass", "coupling": 1}
 _CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
+_STOP: Final = {"type": "linear", "stiffness": 4, "damping": 0.5}
 _TIMES: Final = {"start": 0, "stop": 2, "num": 5}
 
 LIBRARY_ONLY: Final = frozenset({"whole_soft_motion.whole_soft_motion"})
@@ -43,9 +44,7 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
         {
             "system": {
                 **_DAMPED,
-                "constraints": [
-                    {"dof": 0, "gap": 0.2, "law": {"type": "linear", "stiffness": 4, "damping": 0.5}}
-                ],
+                "constraints": [{"dof": 0, "gap": 0.2, "law": _STOP}],
             },
             "load": [{"dof": 0, "amplitude": 1}],
             "frequency": {"values": [0.7]},

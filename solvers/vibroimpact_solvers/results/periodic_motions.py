@@ -309,7 +309,7 @@ class Result:
         _contact(
             "start_indentation", "length", "distance beyond the wall at its beginning",
             note="positive where a stop with damping pushes again before its wall is left",
-            missing="the stop is loaded throughout",
+            missing="the stop is loaded throughout", error="error/contact/start_indentation",
         ),
     ]  # fmt: skip
     contact_energy_lost: Annotated[
@@ -378,6 +378,13 @@ class Result:
         Floats | None,
         _error("contact/indentation", "length", "indentation", "contact", **_NO_NUMBER),
     ]
+    error_contact_start_indentation: Annotated[
+        Floats | None,
+        _error(
+            "contact/start_indentation", "length", "distance beyond the wall at the beginning",
+            "contact", **_NO_NUMBER,
+        ),
+    ]  # fmt: skip
     error_contact_energy_lost: Annotated[
         Floats | None,
         _error(

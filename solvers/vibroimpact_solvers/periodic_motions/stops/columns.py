@@ -23,9 +23,9 @@ from vibroimpact_solvers.results.periodic_motions import Result
 
 Columns = dict[str, Any]
 _CONTACT = (
-    "phase", "time", "duration", "impulse", "peak_force", "velocity", "indentation", "energy_lost",
+    "phase", "time", "duration", "impulse", "peak_force", "velocity", "indentation",
+    "start_indentation", "energy_lost",
 )  # fmt: skip
-_WITH_ERRORS = _CONTACT
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -270,14 +270,19 @@ def _contact(
     entry = Part.at_entry(phases, cells, solved, k)
     z = entry.states(np.zeros(1))[0]
     velocity = float(z @ phases.open.velocity[a]) * scale
-    speed_error = float(entry.error_of(phases.open.velocity[a][np.newaxis])[0]) * scale
+    # Errors of the state at the beginning are those of the loaded phase.
+    both = every[0].error_of(np.stack([phases.loaded.velocity[a], phases.loaded.position[a]]))
+    speed_error, start_error = float(both[0]) * scale, 0.0
     dents = [0.0, 0.0]
     if phases.damping > 0.0:
         end = every[1].states(np.zeros(1))[0]
         for place, state in enumerate((z, end)):
             y = float(state @ phases.open.position[a]) + float(phases.open.level[a])
             dents[place] = side * y - phases.wall
-        if not solved.regained[k]:
+        if solved.regained[k]:
+            size = abs(float(phases.loaded.level[a])) + abs(phases.wall)
+            start_error = float(both[1]) + 8.0 * EPS * size
+        else:
             dents[0] = 0.0
     c = phases.damping / scale
     lost = c * total.rubbed + 0.5 * phases.stiffness * (dents[1] ** 2 - dents[0] ** 2)
@@ -294,7 +299,7 @@ def _contact(
         "error_duration": (float(solved.d_error[k]) + 4.0 * EPS * float(solved.d[k])) / scale,
         "error_impulse": total.impulse_error + total.peak_force * ends / scale,
         "error_peak_force": total.force_error, "error_velocity": speed_error,
-        "error_indentation": total.indentation_error,
+        "error_indentation": total.indentation_error, "error_start_indentation": start_error,
         "error_energy_lost": c * total.rubbed_error + dent_error + 16.0 * EPS * abs(lost),
     }  # fmt: skip
 
@@ -304,7 +309,7 @@ def _contact_of_held(phases: Phases, cells: Cells, f: int, total: Sums | None) -
     a, side, T = phases.impact.constraint, phases.impact.side, float(cells.length[f])
     row: Columns = dict.fromkeys(_CONTACT, math.nan)
     row |= {f"error_{name}": math.inf for name in _CONTACT}
-    row |= {"constraint": a, "side": side, "start_indentation": math.nan}
+    row |= {"constraint": a, "side": side}
     row |= {"duration": T / phases.scale, "error_duration": 2.0 * EPS * T / phases.scale}
     row |= {"phase": 0.0, "time": 0.0, "error_phase": 0.0, "error_time": 0.0}
     if total is not None:
@@ -335,9 +340,8 @@ def _contacts(rows: list[Columns], owner: Integers) -> Columns:
     table: Columns = {"contact_solution": owner.astype(np.int64)}
     for name in ("constraint", "side"):
         table[f"contact_{name}"] = np.array([row[name] for row in rows], dtype=np.int64)
-    for name in (*_CONTACT, "start_indentation"):
+    for name in _CONTACT:
         table[f"contact_{name}"] = np.array([row[name] for row in rows], dtype=np.float64)
-    for name in _WITH_ERRORS:
         errors = [row[f"error_{name}"] for row in rows]
         table[f"error_contact_{name}"] = np.array(errors, dtype=np.float64)
     return table

@@ -10,14 +10,21 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.condensation import solve_mass
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.periodic_motions.stops.search import WORK
 from vibroimpact_solvers.plan import Stage, Step
 
 _BOX: Final = 0.6  # radians of what turns fastest in half a box, about
 _FEW: Final = 60.0  # boxes at least
-_MOST: Final = 20_000.0
+_CUBES: Final = 7e3  # see `isolation`
+_SHORT: Final = 600.0  # boxes, about, where not all are examined
+_STEPS: Final = 12.0  # of Newton's method from motions of a reduced structure
+_NODES: Final = 2.0**17  # nodes times modes at most, see `along`
+_ROW: Final = 1e6  # operations of a solution, whatever the structure is
+_TURNS: Final = 1e4  # of what turns fastest, more of which do not count
 _ROOTS: Final = 2.0  # solutions at a frequency with contact, about
 _SOLUTION, _CONTACT, _EXTREMES, _MULTIPLIER = 160.0, 170.0, 48.0, 32.0  # bytes
 
@@ -37,29 +44,36 @@ def steps(problem: Problem) -> Iterator[Step]:
         message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
         raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
-    n = 2.0 * float(system.n)
+    modes = float(system.n)
+    n = 2.0 * modes
     turns = _turns(problem)
-    boxes = min(_MOST, _FEW + turns / _BOX) * count
-    flops = 6.0 * n**3 + boxes * (1e5 + 4.0 * n**3)
+    boxes = (_FEW + turns / _BOX) * (1.0 + modes**3 / _CUBES)
+    starts = 2.0 if system.constraints[problem.impacts[0].constraint].law.lossy else 1.0
+    whole = boxes <= WORK
+    each = boxes if whole else _SHORT + _STEPS * modes**3 / _CUBES
+    flops = 6.0 * n**3 + 1e5 * starts * each * count
     rows = (2.0 + _ROOTS) * count
     contacts = (1.0 + _ROOTS) * count
     cell = "half of the period" if problem.symmetric else "the period"
     reason = f"one contact in {cell}: all durations are roots of one equation, isolated with bounds"
+    if not whole:
+        reason += "; fast modes make that long, so that some may be missed"
     written = _SOLUTION * rows + _CONTACT * contacts
     yield Step(Stage.IMPULSE, Method.ISOLATION, reason, flops, written, bounded=False)
     outputs = problem.outputs
     if "exists" in outputs:
         reason = "bounds along both phases: no other switching of a stop is missed"
-        flops = rows * 100.0 * n * (20.0 + turns)
-        yield Step(Stage.EXISTENCE, "safe steps", reason, flops, 26.0 * rows, bounded=False)
+        flops = rows * n * (_ROW + 100.0 * (20.0 + min(turns, _TURNS)))
+        name = "safe steps of both phases"
+        yield Step(Stage.EXISTENCE, name, reason, flops, 26.0 * rows, bounded=False)
     dofs = float(problem.output_dofs.size)
     if {"extremes", "energy"} & outputs:
         reason = "quadrature over both phases, exact to rounding"
-        nodes = 100.0 + 6.0 * turns
+        nodes = min(100.0 + 6.0 * turns, 500.0 + _NODES / modes)
         wide = dofs * ("extremes" in outputs) + float(system.n) * ("energy" in outputs)
-        flops = rows * nodes * (1e3 + 8.0 * wide * n)
+        flops = rows * (_ROW + nodes * (1e3 + 8.0 * wide * n))
         size = rows * (_EXTREMES * dofs + 48.0)
-        yield Step(Stage.ENERGY, "quadrature", reason, flops, size, bounded=False)
+        yield Step(Stage.ENERGY, "quadrature of both phases", reason, flops, size, bounded=False)
     if "waveform" in outputs:
         assert problem.tau is not None
         flops = rows * problem.tau.size * n * (30.0 + 2.0 * dofs)
@@ -68,18 +82,20 @@ def steps(problem: Problem) -> Iterator[Step]:
     if {"stability", "multipliers"} & outputs:
         reason = "eigenvalues of the product of both flows and of the jump of the force"
         size = rows * (24.0 + _MULTIPLIER * n * ("multipliers" in outputs))
-        flops = _ROOTS * count * 30.0 * n**3
+        flops = _ROOTS * count * (_ROW + 30.0 * n**3)
         yield Step(Stage.STABILITY, "monodromy", reason, flops, size, bounded=False)
 
 
 def _turns(problem: Problem) -> float:
     """Return by how many radians what turns fastest turns in a period, the mean one.
 
-    That is the fastest mode that damping leaves for a while, or the structure at the stop.
+    That is the fastest mode, or the mass at the stop.
     """
-    period = 2.0 * math.pi * problem.periods / problem.Omega
-    fastest = spectrum.largest_frequency(problem.system)
-    law = problem.system.constraints[problem.impacts[0].constraint].law
-    assert isinstance(law, Linear)
-    stiff = spectrum.largest_frequency(problem.system) if law.stiffness else 0.0
-    return float(np.mean(period * max(fastest, stiff)))
+    system, periods = problem.system, 2.0 * math.pi * problem.periods / problem.Omega
+    constraint = system.constraints[problem.impacts[0].constraint]
+    assert isinstance(constraint.law, Linear)
+    row = np.zeros(system.n)
+    row[[*constraint.dofs]] = constraint.weights
+    mobility = float(row @ solve_mass(system)(row))
+    at_stop = math.sqrt(constraint.law.stiffness * max(mobility, 0.0))
+    return float(np.mean(periods * max(spectrum.largest_frequency(system), at_stop)))

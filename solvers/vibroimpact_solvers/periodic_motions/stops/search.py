@@ -28,7 +28,7 @@ from vibroimpact_solvers.periodic_motions.stops.solutions import (
 )
 from vibroimpact_solvers.results.impact_modes import Reason
 
-_WORK: Final = 1500.0
+WORK: Final = 1500.0
 """Work of a frequency up to which it is proved that none is missed (`Boxes.work`): about a tenth of
 a second."""
 _MOST: Final = 1500  # boxes of a frequency
@@ -57,7 +57,7 @@ class Search:
         """Return the motions with one contact phase per cell, and where none can be missing."""
         phases, parts = self._phases, []
         boxes = Boxes.of(phases, cells, np.full(cells.Omega.size, _MOST))
-        complete = (boxes.left == 0.0) & (boxes.work <= _WORK)
+        complete = (boxes.left == 0.0) & (boxes.work <= WORK)
         left, whole = np.flatnonzero(~complete), complete.copy()
         for size in _FEWER:
             if not left.size or (reduced := self._by_slowest(size)) is None:
@@ -113,4 +113,3 @@ class Search:
             if one:
                 parts.append(apart(cells, joined(one)))
         return parts
-
