@@ -17,6 +17,7 @@ from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.periodic_motions.stops import search
 from vibroimpact_solvers.periodic_motions.stops.along import Part
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
 from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
@@ -378,6 +379,90 @@ def test_rigid_limit() -> None:
             )
         )
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.1)
+
+
+def oscillator(wall: float, law: Linear) -> System:
+    """Return a damped oscillator with one wall."""
+    stop = Constraint((0,), (1.0,), None, wall, law=law)
+    one = SymmetricMatrix.diagonal([1.0])
+    return System(one, one, (stop,), C=SymmetricMatrix.diagonal([0.05]))
+
+
+def test_a_harmonic_is_another_frequency_over_more_periods() -> None:
+    """cos(2 Omega t) over a period is the load of twice the frequency over two."""
+    system = oscillator(0.3, Linear(10.0, 0.1))
+    Omega, load = np.array([0.5, 0.75, 1.0]), driven.Force((0,), (1.0,), 1.0)
+    second = driven.Problem(system, Omega, (replace(load, harmonic=2),))
+    twice = driven.Problem(system, 2.0 * Omega, (load,), periods=2)
+    found, true = (driven.solve(each, driven.plan(each)) for each in (second, twice))
+    assert found.solution_exists is not None
+    assert true.solution_exists is not None
+    assert found.contact_duration is not None
+    assert true.contact_duration is not None
+    assert found.solution_exists.tolist() == true.solution_exists.tolist()
+    assert found.contact_duration.size > 6
+    np.testing.assert_allclose(found.contact_duration, true.contact_duration, rtol=1e-9)
+
+
+def test_no_clearance() -> None:
+    """Without a clearance motions are as large as the load, and their contacts as long."""
+    system, Omega = oscillator(0.0, Linear(10.0)), np.array([0.9, 1.3])
+    sizes = []
+    for amplitude in (1.0, 3.0):
+        load = (driven.Force((0,), (1.0,), amplitude),)
+        problem = driven.Problem(system, Omega, load)
+        sizes.append(driven.solve(problem, driven.plan(problem)))
+    one, other = sizes
+    assert one.solution_exists is not None
+    assert one.contact_solution is not None
+    assert one.contact_peak_force is not None
+    assert other.contact_peak_force is not None
+    exists = one.solution_exists[one.contact_solution]
+    assert exists.any()
+    ratio = other.contact_peak_force[exists] / one.contact_peak_force[exists]
+    np.testing.assert_allclose(ratio, 3.0, rtol=1e-9)
+
+
+def test_a_search_in_slow_modes_finds_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no proof is tried, the motions of a beam are found all the same."""
+    system = cantilever(9, 0.01, 1e4)
+    tips = np.asarray(system.constraints[0].weights)
+    load = (driven.Force(tuple(range(9)), tuple(tips.tolist()), 3.0),)
+    Omega = np.array([1.1, 1.2, 1.3]) * 1.875104068711961**2 * math.sqrt(100.0 / 0.8)
+    problem = driven.Problem(system, Omega, load)
+    proved = driven.solve(problem, driven.plan(problem))
+    monkeypatch.setattr(search, "WORK", 0.0)
+    monkeypatch.setattr(search, "_FEWER", (5,))
+    searched = driven.solve(problem, driven.plan(problem))
+    assert proved.complete is not None
+    assert searched.complete is not None
+    assert proved.complete.all()
+    assert not searched.complete.any()
+    durations_of = []
+    for result in (proved, searched):
+        assert result.solution_exists is not None
+        assert result.contact_solution is not None
+        assert result.contact_duration is not None
+        durations_of.append(
+            result.contact_duration[result.solution_exists[result.contact_solution]]
+        )
+    assert durations_of[0].size >= 3
+    np.testing.assert_allclose(*durations_of, rtol=1e-11)
+
+
+def test_errors_of_fast_motions_cover_the_balance_of_energy() -> None:
+    """Where the mass at a stiff stop turns too often for all nodes, errors say so."""
+    problem = driven.Problem(
+        oscillator(0.3, Linear(1e7)), np.array([0.8, 1.5]), (driven.Force((0,), (1.0,), 1.0),),
+        outputs=frozenset({"exists", "energy"}),
+    )  # fmt: skip
+    result = driven.solve(problem, driven.plan(problem))
+    assert result.solution_work is not None
+    assert result.solution_energy_lost is not None
+    assert result.error_work is not None
+    assert result.error_energy_lost is not None
+    apart = np.abs(result.solution_work - result.solution_energy_lost)
+    assert (apart <= 1.01 * (result.error_work + result.error_energy_lost)).all()
 
 
 def test_refusals() -> None:

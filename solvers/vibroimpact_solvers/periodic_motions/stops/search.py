@@ -73,7 +73,9 @@ class Search:
         for start in self._starts:
             found = isolation.isolated(phases, cells, start, boxes.at(whole))
             complete &= found.unresolved == 0.0
-            parts.append(solutions(phases, cells, start, found))
+            reached, lost = solutions(phases, cells, start, found)
+            complete[lost] = False
+            parts.append(reached)
         solved = joined(parts)
         solved = solved.at(np.lexsort((solved.d, solved.index)))
         return solved.at(self._listed(cells, solved)), complete
@@ -101,13 +103,13 @@ class Search:
         parts, scale = [], self._phases.scale / reduced.phases.scale
         for own, start in zip(isolation.starts(reduced.phases), self._starts, strict=True):
             found = isolation.isolated(reduced.phases, few, own, boxes)
-            near = solutions(reduced.phases, few, own, found)
+            near, _ = solutions(reduced.phases, few, own, found)
             index, d = left[near.index], near.d * scale
             one = [
                 polished(
                     self._phases, cells, start, index[some], d[some], near.phase[some],
-                    _REACH * cells.length[index[some]], settled=True,
-                )
+                    _REACH * cells.length[index[some]],
+                )[0]
                 for some in relaxed.pieces(self._phases, cells, index, d)
             ]  # fmt: skip
             if one:

@@ -82,23 +82,31 @@ class _Values:
     turned: Complexes  # e^(i h theta), (motion, harmonic)
 
 
-def solutions(phases: Phases, cells: Cells, start: Start, intervals: Durations) -> Solutions:
-    """Return the motions of the intervals in which durations are."""
+def solutions(
+    phases: Phases, cells: Cells, start: Start, intervals: Durations
+) -> tuple[Solutions, Integers]:
+    """Return the motions of the intervals in which durations are.
+
+    And frequencies at which that of an interval was not reached.
+    """
     parts: list[Solutions] = []
+    lost: list[Integers] = []
     for some in relaxed.pieces(phases, cells, intervals.index, intervals.d):
         index, d, sure = intervals.index[some], intervals.d[some], intervals.sure[some]
         theta = _phases(phases, cells, start, relaxed.relaxed(phases, cells, index, d), sure)
         index, d, half = np.repeat(index, 2), np.repeat(d, 2), np.repeat(intervals.half[some], 2)
         theta = theta.ravel()
         there = np.isfinite(theta)
-        parts.append(
-            polished(phases, cells, start, index[there], d[there], theta[there], half[there])
+        part, missed = polished(
+            phases, cells, start, index[there], d[there], theta[there], half[there]
         )
+        parts.append(part)
+        lost += [missed, index[::2][~there[::2]]]
     if not parts:
         return polished(
             phases, cells, start, intervals.index[:0], intervals.d, intervals.d, intervals.d
         )
-    return apart(cells, joined(parts))
+    return apart(cells, joined(parts)), np.unique(np.concatenate(lost))
 
 
 def joined(parts: list[Solutions]) -> Solutions:
@@ -119,7 +127,7 @@ def _phases(phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: 
         theta[:, 0] = np.angle(u)
         turn = np.arccos(np.clip(-g / np.abs(Q), -1.0, 1.0))
         theta[~sure] = (-np.angle(Q)[:, np.newaxis] + turn[:, np.newaxis] * [1.0, -1.0])[~sure]
-    return theta
+    return np.asarray(theta / phases.harmonics[0])
 
 
 def forms(
@@ -174,14 +182,14 @@ def _values(
 
 def polished(
     phases: Phases, cells: Cells, start: Start, index: Integers, d: Floats, theta: Floats,
-    reach: Floats, *, settled: bool = False,
-) -> Solutions:  # fmt: skip
+    reach: Floats,
+) -> tuple[Solutions, Integers]:  # fmt: skip
     """Return solutions by Newton's method in both phase and duration from good starts.
 
-    Those that leave their start by more than the reach, and some, are left out; so are, if
-    `settled`, those at which the last step is not small.
+    Those that leave their start by more than the reach, and some, are left out, and those that
+    do not come to rest; the second value has their frequencies.
     """
-    first, still = d, np.ones(d.size, dtype=bool)
+    every, first, still = index, d, np.ones(d.size, dtype=bool)
     for _ in range(_STEPS):
         if not index.size:
             break
@@ -201,9 +209,11 @@ def polished(
         still = (np.abs(more[good]) <= _SAME * length[good]) & (np.abs(turn[good]) <= _SAME)
         if small.all() and (np.abs(turn[good]) <= 64.0 * _DONE).all():
             break
-    if settled:
-        index, d, theta = index[still], d[still], theta[still]
-    return _solved(phases, cells, start, index, d, np.mod(theta, 2.0 * np.pi))
+    index, d, theta = index[still], d[still], theta[still]
+    count = cells.Omega.size
+    lost = np.bincount(every, minlength=count) > np.bincount(index, minlength=count)
+    solved = _solved(phases, cells, start, index, d, np.mod(theta, 2.0 * np.pi))
+    return solved, np.flatnonzero(lost)
 
 
 def _solved(
