@@ -35,7 +35,7 @@ _MOST: Final = 1500  # boxes of a frequency
 _LESS: Final = 600  # those of a frequency at which motions may be missed
 _FEW: Final = 300  # work, and boxes, of a frequency with a reduced structure
 _FEWER: Final = (16, 12, 8, 5)  # modes of reduced structures
-_PHANTOMS: Final = 16  # of a frequency that are listed, and all motions
+_PHANTOMS: Final = 8  # of a frequency that are listed, and all motions
 _REACH: Final = 0.02  # of the period, how far durations of the whole structure may be off
 
 
