@@ -183,9 +183,8 @@ def require(kind: str, constraints: Sequence[Any]) -> None:
     offered = OFFERED.get(kind, frozenset({Rigid.name}))
     for index, constraint in enumerate(constraints):
         if constraint.law.name not in offered:
-            others = " and ".join(
-                other for other in OFFERED if constraint.law.name in OFFERED[other]
-            )
+            *first, last = (other for other in OFFERED if constraint.law.name in OFFERED[other])
+            others = " and ".join([", ".join(first), last] if first else [last])
             message = (
                 f"{kind} is computed with {' and '.join(sorted(offered))} stops; constraint "
                 f"{index} has a {constraint.law.name} one, which is offered by {others}"

@@ -163,6 +163,21 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "t_end": 4, "t": {"num": 3}, "outputs": ["x", "v", "energy", "contacts", "force"],
         }
     ],
+    "periodic-motions": [
+        {
+            "system": {
+                "preset": "oscillator", "Omega0": 1, "zeta": 0.02,
+                "constraints": [
+                    {
+                        "dof": 0, "gap": {"lower": None, "upper": -1},
+                        "law": {"type": "linear", "stiffness": 1, "damping": 1},
+                    }
+                ],
+            },
+            "load": [{"dof": 0, "amplitude": 0.5}],
+            "frequency": {"values": [1.1, 1.5]},
+        }
+    ],
     "slow-flow": [
         {
             "system": {
@@ -213,7 +228,10 @@ def test_errors_are_absolute_and_broadcast(settings: Settings, queue: Any, kind:
             of = request["kind"] if kind == "sweep" else kind
             compared |= check(of, answer.json())
     if kind != "sweep":
-        assert compared == {field.path for name, field in measured() if name == kind}
+        paths = {field.path for name, field in measured() if name == kind}
+        if kind == "branches":  # of rigid stops alone: a table of periodic motions it never has
+            paths = {path for path in paths if not path.startswith("contact/")}
+        assert compared == paths
 
 
 def check(kind: str, document: dict[str, Any]) -> set[str]:

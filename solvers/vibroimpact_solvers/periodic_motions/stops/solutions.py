@@ -18,6 +18,7 @@ from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells, Relaxed
 _STEPS: Final = 12  # of Newton's method
 _DONE: Final = 8.0 * EPS  # of the period, steps of the last one
 _SAME: Final = 1e-9  # of the period, between two times of one solution
+_NEAR: Final = 1e-6  # of 1, how far e^(i theta) of a root may be off
 _SAMPLED: Final = 4.0  # errors over the root of the sum of squares of independent ones
 _ROUNDED: Final = 4.0  # roundings of a product with a matrix
 
@@ -93,15 +94,18 @@ def solutions(
     lost: list[Integers] = []
     for some in relaxed.pieces(phases, cells, intervals.index, intervals.d):
         index, d, sure = intervals.index[some], intervals.d[some], intervals.sure[some]
-        theta = _phases(phases, cells, start, relaxed.relaxed(phases, cells, index, d), sure)
+        theta, off = _phases(phases, cells, start, relaxed.relaxed(phases, cells, index, d), sure)
         index, d, half = np.repeat(index, 2), np.repeat(d, 2), np.repeat(intervals.half[some], 2)
         theta = theta.ravel()
         there = np.isfinite(theta)
-        part, missed = polished(
-            phases, cells, start, index[there], d[there], theta[there], half[there]
-        )
-        parts.append(part)
-        lost += [missed, index[::2][~there[::2]]]
+        near = np.repeat(off < _NEAR, 2)
+        for each in (near, ~near):
+            now = there & each
+            part, missed = polished(phases, cells, start, index[now], d[now], theta[now], half[now])
+            parts.append(part)
+            # An interval in which there is one root at most may have none: E is not zero there.
+            lost += [missed] if each is near else []
+        lost.append(index[::2][~there[::2]])
     if not parts:
         return polished(
             phases, cells, start, intervals.index[:0], intervals.d, intervals.d, intervals.d
@@ -116,8 +120,13 @@ def joined(parts: list[Solutions]) -> Solutions:
     )
 
 
-def _phases(phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: Booleans) -> Floats:
-    """Return phases at which both forms are zero, two where one is not sure, (motion, 2)."""
+def _phases(
+    phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: Booleans
+) -> tuple[Floats, Floats]:
+    """Return phases at which both forms are zero, two where one is not sure, (motion, 2).
+
+    And how far they are from being zero at once, relative to 1, (motion,).
+    """
     Q, g, R, h = forms(phases, cells, start, motions)
     Q, R = Q[:, 0], R[:, 0]
     across = (Q.conj() * R).imag
@@ -127,7 +136,7 @@ def _phases(phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: 
         theta[:, 0] = np.angle(u)
         turn = np.arccos(np.clip(-g / np.abs(Q), -1.0, 1.0))
         theta[~sure] = (-np.angle(Q)[:, np.newaxis] + turn[:, np.newaxis] * [1.0, -1.0])[~sure]
-    return np.asarray(theta / phases.harmonics[0])
+    return np.asarray(theta / phases.harmonics[0]), np.asarray(np.abs(np.abs(u) - 1.0))
 
 
 def forms(
