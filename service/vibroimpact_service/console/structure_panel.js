@@ -150,7 +150,7 @@ function stops(toggleStop, rebuild) {
       numberField("Coordinate", each.dof, set("dof"), { pointer: `${at}/dof`, whole: true, min: 0 }),
       numberField("Relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
       lower, upper, make("div", { class: "whole" }, gapSlider(index, lower, upper, changed)), restitution,
-      // With a stiffness, which time histories and ensembles take, there is a damping instead.
+      // With a stiffness, which time histories, ensembles and periodic motions take, there is a damping instead.
       numberField("Stiffness", each.stiffness, set("stiffness"), { pointer: `${at}/law`, min: 0, empty: "rigid" }),
       numberField("Stop damping", each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" }),
       make("div", { class: "stop-acts" },
