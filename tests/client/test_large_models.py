@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,3 +130,18 @@ def test_an_indefinite_stiffness_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(cholesky, "LARGE", 1)
     small = vi.reduce(softened, [(59, "z")], modes=3)
     assert np.isnan(small.error).all()
+
+
+def test_a_slender_structure_is_factored_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its lowest modes have little energy, as rigid bodies have, but none stands apart."""
+    made, usual = [], cholesky.Factors.__init__
+
+    def counted(self: cholesky.Factors, K: Any, last: Any, places: Any = None) -> None:
+        made.append(K.shape[0])
+        usual(self, K, last, places)
+
+    monkeypatch.setattr(cholesky, "LARGE", 1)
+    monkeypatch.setattr(cholesky.Factors, "__init__", counted)
+    clamped = beam(120).fixed([0])
+    assert vi.reduce(clamped, [(120, "z")], modes=4).rigid == 0
+    assert made == [clamped.n]

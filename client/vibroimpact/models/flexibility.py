@@ -31,6 +31,10 @@ _NEARLY: Final = 1e-7
 """The same of modes that are rigid if K was rounded to seven digits."""
 _SUSPECT: Final = 10.0 * _NEARLY
 """Above this energy no motion is suspected of being rigid."""
+_SURE: Final = 1e-11
+"""Energies above it, of solutions with factors of K, are no roundings."""
+_TRIED: Final = 8
+"""Modes that are looked at."""
 _ROUNDED: Final = 1e-5
 """Up to this, a negative energy is the rounding of a rigid-body mode."""
 _GAP: Final = 1e3
@@ -73,7 +77,7 @@ def rigid_body_modes(
     shifted = sparse.csc_array(scaled + _SHIFT * sparse.eye_array(n))
     solve, negative = _shifted(shifted, places)
     definite = negative == 0
-    tried = 8 if count is None else count + 1
+    tried = _TRIED if count is None else count + 1
     while True:
         values, shapes = _nearest_to_zero(scaled, solve, min(tried, n))
         terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
@@ -109,7 +113,7 @@ def _shifted(A: Any, places: Array | None) -> tuple[Callable[[Array], Array], fl
 
 
 def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
-    """Return whether all motions have energy, far beyond rounding.
+    """Return whether all motions have energy, far beyond rounding, and none stands apart.
 
     Parameters
     ----------
@@ -128,14 +132,22 @@ def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
         solution: Array = factors.solve(f.ravel() / scale, held) / scale
         return solution
 
+    def energies(count: int, tolerance: float, vectors: int) -> Array:
+        _, shapes = scipy.sparse.linalg.eigsh(
+            scaled, count, sigma=0.0, OPinv=operator, v0=start, ncv=vectors, tol=tolerance
+        )
+        of_terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
+        return np.sort(np.sum(shapes * (scaled @ shapes), axis=0) / of_terms)
+
     start = np.random.default_rng(0).normal(size=n)
     operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
-    _, shapes = scipy.sparse.linalg.eigsh(
-        scaled, 1, sigma=0.0, OPinv=operator, v0=start, ncv=8, tol=1e-2
-    )
-    energies = np.sum(shapes * (scaled @ shapes), axis=0)  # the lowest: it tells of all
-    terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
-    return bool((energies > _SUSPECT * terms).all())
+    (lowest,) = energies(1, 1e-2, 8)  # it tells of all
+    if lowest > _SUSPECT:
+        return True
+    if lowest <= _SURE:
+        return False
+    # A fine mesh of a slender structure: the next ones tell whether the first stand apart.
+    return _nearly_rigid(energies(_TRIED, 1e-3, 20), 0) == 0
 
 
 def unit_stiffness(K: Any) -> Array:
@@ -159,22 +171,29 @@ def _nearest_to_zero(scaled: Any, solve: Any, count: int) -> tuple[Array, Array]
     return values[order], shapes[:, order]
 
 
-def _warn_of_rounding(energies: Array, rigid: int) -> None:
-    """Warn of modes that are nearly rigid, and far from the next mode."""
+def _nearly_rigid(energies: Array, rigid: int) -> int:
+    """Return how many modes are nearly rigid, and far from the next mode."""
     small = energies[rigid:]
     sizes = np.abs(small)
     for nearly in range(int((sizes <= _ROUNDED).sum()), 0, -1):
         apart = nearly < len(small) and sizes[nearly] >= _GAP * sizes[nearly - 1]
         if apart and (sizes[nearly - 1] <= _NEARLY or small[:nearly].min() < 0.0):
-            warnings.warn(
-                f"K nearly has {rigid + nearly} rigid-body modes instead of {rigid}: the energy of "
-                f"the others is {sizes[nearly - 1]:.1g} of its terms. If that is the rounding of "
-                f"K, as of files with few digits, say rigid={rigid + nearly}; if it is that of "
-                f"soft springs, rigid={rigid}",
-                UserWarning,
-                stacklevel=5,
-            )
-            return
+            return nearly
+    return 0
+
+
+def _warn_of_rounding(energies: Array, rigid: int) -> None:
+    """Warn of modes that are nearly rigid, and far from the next mode."""
+    nearly = _nearly_rigid(energies, rigid)
+    if nearly:
+        warnings.warn(
+            f"K nearly has {rigid + nearly} rigid-body modes instead of {rigid}: the energy of "
+            f"the others is {abs(energies[rigid + nearly - 1]):.1g} of its terms. If that is the "
+            f"rounding of K, as of files with few digits, say rigid={rigid + nearly}; if it is "
+            f"that of soft springs, rigid={rigid}",
+            UserWarning,
+            stacklevel=5,
+        )
 
 
 class Flexibility:
