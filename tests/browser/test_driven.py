@@ -127,3 +127,19 @@ def test_a_constant_load_bends_the_structure(console: Visit) -> None:
     expect(force.get_by_label("Force", exact=True)).to_have_value("0.3")
     force.get_by_label("On coordinate").fill("7")
     expect(page.locator("#fault-loads")).not_to_be_empty()
+
+
+def test_contacts_with_a_stiff_stop_are_motions_that_meet_it(console: Visit) -> None:
+    """They have no impacts, and no branches are followed."""
+    yielding = {
+        "form": "oscillator",
+        "damping": 0.05,
+        "stops": [{"dof": 0, "lower": None, "upper": 0.0, "restitution": 0.8, "stiffness": 5.0}],
+    }
+    begun = {**DRIVEN, "from": 1.2, "to": 1.8, "points": 20}
+    page = console.open("driven", yielding, **begun)
+    expect(page.locator(".verdict")).to_contain_text("Admissible (certified)")
+    expect(page.locator(".values")).to_contain_text("contacts per period1")
+    expect(page.locator(".values")).to_contain_text("contact time of each")
+    expect(page.locator(".readout").first).to_contain_text("solutions.")
+    expect(page.locator(".curve").first).to_be_visible()

@@ -41,7 +41,7 @@ export function motionsOf({ solution, impact, dof: dofs }, dof, periods) {
   impact.solution.forEach((/** @type {number} */ row, /** @type {number} */ i) => struck[row].push(i));
   return solution.Omega.map((/** @type {number} */ Omega, /** @type {number} */ i) => ({
     // null where there is no bounded motion: it has no place in the curve.
-    Omega, height: solution.x_max[i][column] === null ? NaN : (solution.x_max[i][column] - solution.x_min[i][column]) / 2, exists: solution.exists[i], impacts: solution.impacts[i],
+    Omega, height: solution.x_max[i][column] === null ? NaN : (solution.x_max[i][column] - solution.x_min[i][column]) / 2, exists: solution.exists[i], impacts: solution.impacts[i] + (solution.contacts ? solution.contacts[i] : 0),
     stability: solution.stability[i], neutral: Boolean(solution.neutral && solution.neutral[i]), reason: solution.reason[i], periods: solution.periods ? solution.periods[i] : periods,
     phases: solution.branch && struck[i].length > 1 ? struck[i].map((each) => impact.phase[each]) : null,
     sequence: struck[i].map((each) => ({ constraint: impact.constraint[each], side: impact.side[each] > 0 ? "upper" : "lower" })),

@@ -13,7 +13,7 @@ import { MotionCard, spread } from "./motion_card.js";
 import { amplitude, natural, rangeOfDrive } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
 import { setFields, setStructure, show, state } from "./state.js";
-import { FORMS, coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { FORMS, coordinateName, geometryOf, neededDofs, size, systemDocument, yields } from "./structures.js";
 import { axisOf, axisOfWhat, frequencyInWords, labelled, withUnit } from "./units.js";
 import { reasonInWords, stopName } from "./words.js";
 
@@ -61,6 +61,9 @@ function fields() {
 function impactsOf(text) {
   return text.trim().split(/[\s,]+/).filter(Boolean).map((word) => ({ constraint: Number.parseInt(word, 10) || 0, side: word.endsWith("-") ? "lower" : "upper" }));
 }
+
+/** @returns {string} what a motion has where it meets a stop */
+const met = () => (yields(state.structure) ? "contacts" : "impacts");
 
 export class DrivenView extends BaseView {
   /** @param {HTMLElement} root */
@@ -144,10 +147,11 @@ export class DrivenView extends BaseView {
     const { from, to, points, switch: begun } = fields();
     return [
       { title: "Response", kind: "periodic-motions", request: this.#request({ start: from, stop: to, num: points }, { outputs: OUTPUTS }) },
-      {
+      // Branches are those of rigid stops.
+      ...yields(state.structure) ? [] : [{
         title: "Branches", kind: "branches",
         request: { base: this.#request({ values: [from] }, { outputs: OUTPUTS }), path: "frequency.values.0", start: from, stop: to, switch: begun, step: LONGEST },
-      },
+      }],
     ];
   }
 
@@ -161,6 +165,8 @@ export class DrivenView extends BaseView {
     if (wanted.Omega !== null) this.#move(wanted.Omega, wanted.height);
     else this.#first();
     if (this.dragged) return;
+    this.branchNote.replaceChildren();
+    if (!branches) return;
     const { Omega, height } = state.fields;
     await this.offered(branches, {
       place: this.branchNote, act: "Follow them",
@@ -208,7 +214,7 @@ export class DrivenView extends BaseView {
     const known = special.filter(({ exists }) => exists);
     this.curve = this.drawing = new Curve(holder, {
       x: labelled("frequency Ω of the drive", "Omega"), y: axisOfWhat("amplitude", coordinate), height: 340, zoom: this.zoom,
-      label: `Amplitude over the drive's frequency: ${count} admissible motions with impacts, ${linear.filter(({ exists }) => exists).length} without${branches ? `; ${known.length} special points of ${struck.length} branches` : ""}.`,
+      label: `Amplitude over the drive's frequency: ${count} admissible motions with ${met()}, ${linear.filter(({ exists }) => exists).length} without${branches ? `; ${known.length} special points of ${struck.length} branches` : ""}.`,
       series: [
         { label: "phantom", colour: "phantom", width: 0, points: 2 },
         { label: "stable", colour: "stable", width: 0, points: branches ? 3 : 5 }, { label: "neutral", colour: "neutral", width: 0, points: branches ? 3 : 5, open: true },
@@ -271,7 +277,7 @@ export class DrivenView extends BaseView {
       return;
     }
     const { Omega, height, impacts, exists, stability, reason } = motion;
-    this.readout.textContent = `Ω = ${shown(Omega, 6)} · amplitude ${shown(height, 5)} · ${impacts} impacts · ${exists ? `largest multiplier ${shown(stability, 4)}` : reasonInWords(reason)}`;
+    this.readout.textContent = `Ω = ${shown(Omega, 6)} · amplitude ${shown(height, 5)} · ${impacts} ${met()} · ${exists ? `largest multiplier ${shown(stability, 4)}` : reasonInWords(reason)}`;
   }
 
   /** @param {number} Omega @param {number} [height] */
@@ -317,9 +323,9 @@ export class DrivenView extends BaseView {
     const T = (2 * Math.PI * periods) / solution.Omega[best];
     const x = Array.from(all[0]);
     this.motion = { x, v: x.map((_, i) => (all[TAU.length][i] - all[TAU.length + 1][i]) / (2 * STEP * T)), Omega: solution.Omega[best], T };
-    const { impact } = answer;
+    const impact = yields(state.structure) ? answer.contact : answer.impact;
     const struck = impact.solution.map((/** @type {number} */ _, /** @type {number} */ i) => i).filter((/** @type {number} */ i) => impact.solution[i] === best)
-      .map((/** @type {number} */ i) => ({ phase: impact.phase[i], stop: impact.constraint[i], side: impact.side[i], momentum: impact.momentum[i] }));
+      .map((/** @type {number} */ i) => ({ phase: impact.phase[i], stop: impact.constraint[i], side: impact.side[i], momentum: impact.momentum ? impact.momentum[i] : impact.impulse[i], duration: impact.duration ? impact.duration[i] : 0, force: impact.peak_force ? impact.peak_force[i] : null }));
     const places = placesOf(struck, periods, ({ stop, side }, place) => {
       const { dof, relativeTo, lower, upper } = state.structure.stops[stop];
       const row = rows[Math.round(place * (TAU.length - 1))];
@@ -340,8 +346,11 @@ export class DrivenView extends BaseView {
       make("p", {}, good ? IN_WORDS[stateOf({ exists: true, stability: solution.stability[best], neutral: solution.neutral[best] })] : `${reasonInWords(solution.reason[best])}${failed === null ? "" : `, at t/T = ${shown(failed, 3)}`}.`),
       ...(failed === null ? [] : [button("Show the place", () => this.card.seek(failed))]));
     const entries = [
-      ["Ω of the drive", frequencyInWords(solution.Omega[best], shown(solution.Omega[best], 8))], ["period T", `${withUnit(shown(T, 6), "time")}${periods > 1 ? `, ${periods} of the drive` : ""}`], ["impacts per period", solution.impacts[best]],
+      ["Ω of the drive", frequencyInWords(solution.Omega[best], shown(solution.Omega[best], 8))], ["period T", `${withUnit(shown(T, 6), "time")}${periods > 1 ? `, ${periods} of the drive` : ""}`], [`${met()} per period`, impacts.length],
       ["momentum of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.momentum, 5)).join(", ") || "–", "momentum")],
+      ...(yields(state.structure) && impacts.length ? [
+        ["contact time of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.duration, 5)).join(", "), "time")],
+        ["largest force of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.force, 5)).join(", "), "force")]] : []),
       ["largest multiplier", shown(solution.stability[best], 6)], ["near", solution.bifurcation[best]],
       ["work of the load per period", withUnit(shown(solution.work[best], 6), "energy")], ["energy lost per period", withUnit(shown(solution.energy_lost[best], 6), "energy")],
     ];
@@ -364,6 +373,6 @@ function legend() {
   /** @param {string} sign @param {string} text */
   const mark = (sign, text) => make("li", {}, make("span", { class: "sign", "aria-hidden": "true" }, sign), text);
   return make("ul", { class: "legend" },
-    item("line-stable", "stable, with impacts"), item("line-neutral", "neutral"), item("line-unstable", "unstable"), item("line-phantom", "phantom"), item("line-linear", "without impacts"), item("natural", "natural frequency"),
+    item("line-stable", "stable, with impacts or contacts"), item("line-neutral", "neutral"), item("line-unstable", "unstable"), item("line-phantom", "phantom"), item("line-linear", "without impacts or contacts"), item("natural", "natural frequency"),
     mark("◇", "fold"), mark("■", "flip"), mark("▲", "loss of symmetry"), mark("▽", "grazing"), mark("×", "a limit is passed"), mark("○", "torus"));
 }

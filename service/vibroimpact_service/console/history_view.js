@@ -16,7 +16,7 @@ import { Player, calm } from "./player.js";
 import { Shape } from "./shape.js";
 import { wholeRange } from "./ranges.js";
 import { setFields, state } from "./state.js";
-import { coordinateName, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { coordinateName, geometryOf, neededDofs, size, systemDocument, yields } from "./structures.js";
 import { axisOf, labelled } from "./units.js";
 import { onTheme, shapeColours } from "./theme.js";
 
@@ -171,7 +171,7 @@ export class HistoryView extends BaseView {
     const end = rigid.t[rigid.t.length - 1];
     const { contacts } = rigid;
     const [count, rests] = [rigid.impacts.time.length, contacts ? contacts.start.length : 0];
-    const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
+    const compliant = yields(state.structure);
     const met = compliant ? `${rests} contacts` : `${count} impacts`;
     this.curve = this.drawing = new Curve(holder, {
       x: labelled("time t", "time"), y: axisOf(rigid.dof[column]), height: 260, strip: 1, zoom: this.zoom,
@@ -197,7 +197,7 @@ export class HistoryView extends BaseView {
 
   #show() {
     const geometry = geometryOf(state.structure);
-    const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
+    const compliant = yields(state.structure);
     const kinds = [["thick", compliant ? "stops with stiffness" : "rigid stops"], ...(this.soft ? [["soft", "soft stops"]] : []), ["tick", compliant ? "contact" : "impact"], ["horizon", "beyond the horizon of trust"]];
     this.legend.replaceChildren(...kinds.map(([kind, text]) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text)));
     const results = [[compliant ? "stops with stiffness" : "rigid stops", this.result], ...(this.soft ? [["soft stops", this.soft]] : [])];

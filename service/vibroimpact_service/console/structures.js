@@ -89,6 +89,11 @@ export function preset(form) {
   };
 }
 
+/** @param {Structure} structure @returns {boolean} whether its stops have a stiffness: what meets one is in contact for a while */
+export function yields(structure) {
+  return structure.stops.some(({ stiffness }) => stiffness !== null);
+}
+
 /** @param {Structure} structure @returns {number} degrees of freedom; 0 where they are not known yet */
 export function size(structure) {
   const { form, parameters: p, matrices } = structure;
