@@ -86,7 +86,12 @@ def use(settings: Settings, store: Store, queue: Any) -> Iterator[Evaluation]:
 def run(main: Callable[[], Awaitable[Any]]) -> Any:
     async def bounded() -> Any:
         async with asyncio.timeout(60):
-            return await main()
+            value = await main()
+            # What threads still do may have a charge to settle, for which a loop that is ending
+            # has no time.
+            await asyncio.get_running_loop().shutdown_default_executor()
+            await asyncio.sleep(0)
+            return value
 
     return asyncio.run(bounded())
 

@@ -15,7 +15,6 @@ from vibroimpact_solvers import (
     existence_bands,
     impact_modes,
     laws,
-    periodic_motions,
     resonances,
     time_history,
 )
@@ -336,8 +335,6 @@ ZERO = np.zeros(1)
         ("impact-modes", lambda: impact_modes.Problem(STOPPED, np.ones(1))),
         ("existence-bands", lambda: existence_bands.Problem(STOPPED, 1.0, 2.0)),
         ("resonances", lambda: resonances.Problem(STOPPED, 0, 3)),
-        ("periodic-motions", lambda: periodic_motions.Problem(
-            STOPPED, np.ones(1), (periodic_motions.Force((0,), (1.0,), 1.0),))),
         ("attractors", lambda: attractors.Problem(
                 STOPPED, np.ones(1), ZERO[None], ZERO[None], ())),
     ],
@@ -349,7 +346,7 @@ def test_kinds_refuse_laws_that_they_do_not_offer(kind: str, make: Any) -> None:
     assert refused.value.pointer == ("system", "constraints", 0, "law")
     assert refused.value.message == (
         f"{kind} is computed with rigid stops; constraint 0 has a linear one, which is offered by "
-        "time-history and ensemble"
+        "time-history, ensemble and periodic-motions"
     )
 
 

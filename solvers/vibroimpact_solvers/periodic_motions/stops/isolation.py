@@ -107,17 +107,17 @@ class Boxes:
     def of(cls, phases: Phases, cells: Cells, most: Integers) -> Boxes:
         """Cut periods; of more boxes than a number (frequency,), take the shorter durations."""
         count = cells.Omega.size
-        left, found = np.zeros(count), np.zeros(count, dtype=np.int64)
+        left, examined = np.zeros(count), np.zeros(count, dtype=np.int64)
         index, d, half = _whole(cells)
         parts: list[tuple[Integers, Floats, Floats]] = []
         while index.size:
             look()
-            over = _beyond(index, d, most - found) | (half < _FINEST * cells.length[index])
+            over = _beyond(index, d, most - examined) | (half < _FINEST * cells.length[index])
             np.add.at(left, index[over], 2.0 * half[over])
             index, d, half = index[~over], d[~over], half[~over]
             long = _leaves_out(phases, cells, index, d, half)
             parts.append((index[~long], d[~long], half[~long]))
-            np.add.at(found, index[~long], 1)
+            np.add.at(examined, index[~long], 1)
             index, d, half = _halves(index[long], d[long], half[long])
         index, d, half = (np.concatenate(each) for each in zip(*parts, strict=True))
         work = np.zeros(count)

@@ -1,7 +1,7 @@
 """Contact phases at all frequencies: with proof that none is missed where that is quick.
 
 Where it is not, because fast modes make boxes small (`isolation`), the structure is reduced to
-its slowest modes. The motions of the whole one are found from those of the reduced one by Newton's
+its slowest modes. The motions of the whole one follow from those of the reduced one by Newton's
 method; that none is missed is not known then.
 """
 
@@ -71,9 +71,9 @@ class Search:
             whole[left] = True
             boxes = Boxes.of(phases, cells, np.where(complete, _MOST, _LESS))
         for start in self._starts:
-            found = isolation.isolated(phases, cells, start, boxes.at(whole))
-            complete &= found.unresolved == 0.0
-            reached, lost = solutions(phases, cells, start, found)
+            durations = isolation.isolated(phases, cells, start, boxes.at(whole))
+            complete &= durations.unresolved == 0.0
+            reached, lost = solutions(phases, cells, start, durations)
             complete[lost] = False
             parts.append(reached)
         solved = joined(parts)
@@ -102,8 +102,8 @@ class Search:
         """Return what motions of a reduced structure lead to."""
         parts, scale = [], self._phases.scale / reduced.phases.scale
         for own, start in zip(isolation.starts(reduced.phases), self._starts, strict=True):
-            found = isolation.isolated(reduced.phases, few, own, boxes)
-            near, _ = solutions(reduced.phases, few, own, found)
+            durations = isolation.isolated(reduced.phases, few, own, boxes)
+            near, _ = solutions(reduced.phases, few, own, durations)
             index, d = left[near.index], near.d * scale
             one = [
                 polished(
