@@ -217,6 +217,36 @@ def test_the_tube_from_nastran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert (tmp_path / "tube.unv").stat().st_size > 100_000
 
 
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="Debian's calculix-ccx is not there")
+def test_the_bracket_from_calculix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = _run("docs/stories/calculix.md", ("(180, 260, 161)", "(180, 260, 21)"))
+    assert 3 * (names["nodes"].size - names["wall"].size) == 13_536
+    deck = (tmp_path / "bracket.inp").read_text()
+    (tmp_path / "modes.inp").write_text(deck.replace(", SOLVER=MATRIXSTORAGE", ""))
+    subprocess.run(["ccx", "modes"], check=True, stdout=subprocess.DEVNULL)
+    lines = (tmp_path / "modes.dat").read_text().splitlines()
+    rows = [line.split() for line in lines if re.match(r" +[1-3] +0\.\d+E", line)][:3]
+    small = names["small"]
+    theirs = np.array([float(row[2]) for row in rows])
+    # Their solver's digits, and a reduction, whose frequencies are never lower.
+    assert (np.abs(small.Omega - theirs) <= small.error * theirs).all()
+    np.testing.assert_allclose(small.Omega, theirs, rtol=1e-4)
+    with pytest.raises(vi.VibroimpactError) as refused:
+        names["bracket"].natural(3)
+    assert refused.value.__notes__[0].startswith("vi.reduce takes models")
+    assert (names["response"].frequency.complete == "yes").all()
+    assert names["hertz"] == pytest.approx(236.0)
+    worst = names["worst"]
+    assert names["contact"].peak_force[worst] == pytest.approx(226.7, rel=1e-3)
+    assert names["contact"].duration[worst] == pytest.approx(1.501e-3, rel=1e-3)
+    # The film's largest deflection is gap and indentation.
+    row = names["bracket"].dof(names["tip"], "z")
+    deepest = 5e-4 + names["contact"].indentation[worst]
+    assert names["film"][:, row].max() == pytest.approx(deepest, rel=2e-2)
+    assert (tmp_path / "bracket" / "40.vtu").exists()
+
+
 def test_the_page_on_time_histories() -> None:
     names = _run("docs/theory/time-histories.md", ("200j", "20j"))
     assert names["result"].impact_time.size > 10

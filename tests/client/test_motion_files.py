@@ -142,6 +142,20 @@ def test_unknown_nodes_are_not_left_out(tmp_path: Path) -> None:
         _model(coordinates={}, elements={}).write(tmp_path / "a.pvd", X)
 
 
+def test_nodes_that_no_mesh_has_are_left_out(tmp_path: Path) -> None:
+    """A program's own, as those of CalculiX's incompatible modes."""
+    few = {node: COORDINATES[node] for node in (7, 9, 12)}
+    mesh = {"triangle": [[7, 9, 12]]}
+    _model(coordinates=few, elements=mesh).write(tmp_path / "a.vtu", X[0])
+    _model(elements=mesh).write(tmp_path / "b.vtu", X[0])
+    points = 'NumberOfPoints="'
+    counts = [
+        int((tmp_path / name).read_bytes().split(points.encode())[1].split(b'"')[0])
+        for name in ("a.vtu", "b.vtu")
+    ]
+    assert counts == [3, len(COORDINATES)]
+
+
 def test_elements_of_decks(tmp_path: Path) -> None:
     deck = tmp_path / "a.inp"
     nodes = "".join(f"{k}, {k}., 0., 0.\n" for k in range(1, 21))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.arguments import real
-from vibroimpact.errors import MissingExtra
+from vibroimpact.errors import InvalidRequest, MissingExtra
 from vibroimpact.local import Local
 from vibroimpact.models.motion_files import DIRECTIONS, write_motion
 from vibroimpact.systems import constraint, system
@@ -275,10 +275,17 @@ class Model:
         ------
         MissingExtra
             If the solvers are not installed.
+        InvalidRequest
+            If some motion has no mass, or a negative one.
         """
-        result = Local().natural_frequencies(
-            self.system([]), count, stop=stop, unit=unit, outputs=["Omega"]
-        )
+        try:
+            result = Local().natural_frequencies(
+                self.system([]), count, stop=stop, unit=unit, outputs=["Omega"]
+            )
+        except InvalidRequest as refused:
+            if "/system/M" in str(refused):
+                refused.add_note("vi.reduce takes models in which some motions have no mass")
+            raise
         return result.in_unit(result.Omega, unit)
 
     # -- on the geometry -------------------------------------------------------------------

@@ -80,7 +80,8 @@ def _fields(model: _Model, nodes: Sequence[int], motions: Mapping[str, Array]) -
     """Return displacements, rotations and more as vectors of nodes, shape (time, node, 3)."""
     position = {node: row for row, node in enumerate(nodes)}
     missing = {node for node, each in model.labels if each in DIRECTIONS} - position.keys()
-    if missing:
+    # A mesh has all nodes of its elements; others are a program's own, as of incompatible modes.
+    if missing and not model.elements:
         raise ValueError(f"nodes {', '.join(map(str, sorted(missing)[:10]))} have no coordinates")
     fields: dict[str, Any] = {}
     for name, values in motions.items():
@@ -88,7 +89,7 @@ def _fields(model: _Model, nodes: Sequence[int], motions: Mapping[str, Array]) -
             used = [
                 (column, position[node], part.index(each))
                 for column, (node, each) in enumerate(model.labels)
-                if each in part
+                if each in part and node in position
             ]
             if not used and word != name:
                 continue
