@@ -95,7 +95,7 @@ def serve(
         _say(f"records and results are kept in {settings.data.absolute()}")
         if keys_required and settings.oidc_issuer is None and not any_keys(settings):
             _say(f"there are no keys yet: vibroimpact keys create NAME --data {settings.data}")
-    # Before libraries of linear algebra are loaded: their threads wait for one another by turning,
+    # Before libraries of linear algebra are loaded: their threads spin while they wait,
     # which takes small products ten times as long where other processes compute as well.
     os.environ.update(forkserver.ENVIRONMENT)
     if settings.scheduler is None:

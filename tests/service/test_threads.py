@@ -394,7 +394,7 @@ def test_processor_time_is_limited_where_the_clock_is_not() -> None:
 
 
 def test_linear_algebra_has_one_thread_in_a_service() -> None:
-    """As it has in workers: its threads would wait for one another by turning."""
+    """As it has in workers: its threads would spin while they wait."""
     code = """
 import os, sys
 from vibroimpact_service import cli
