@@ -746,6 +746,8 @@ class SystemReference(TypedDict):
     """Its name, as POST /v1/systems returned it."""
     constraints: NotRequired[Sequence[Constraint] | None]
     """Replace the stored constraints; absent: keep them."""
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Replaces the stored damping, of a system without C; absent: keep it."""
 
 
 class FrequencyValues(TypedDict):

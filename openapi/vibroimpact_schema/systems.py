@@ -307,6 +307,9 @@ class SystemReference(Document):
     constraints: Constraints | None = Field(
         None, description="Replace the stored constraints; absent: keep them."
     )
+    damping: Damping | None = Field(
+        None, description="Replaces the stored damping, of a system without C; absent: keep it."
+    )
 
 
 class Preset(Structure):

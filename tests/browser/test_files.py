@@ -251,3 +251,16 @@ def test_matrices_without_damping_are_said_to_have_none(console: Visit, tmp_path
     page = console.open("driven")
     page.set_input_files("#upload", [str(tmp_path / name) for name in _numpy(tmp_path)])
     expect(page.get_by_text("The structure has no damping")).to_be_visible()
+
+
+def test_an_uploaded_structure_is_given_damping(console: Visit, tmp_path: Path) -> None:
+    _market(tmp_path)
+    page = console.open("driven")
+    _stored(page, console, sorted(tmp_path.iterdir()))
+    with page.expect_request(lambda each: '"damping"' in (each.post_data or "")) as asked:
+        page.get_by_role("button", name="Give it 2 % damping").click()
+    sent = json.loads(asked.value.post_data or "")["system"]
+    assert sent["damping"] == {"ratio": 0.02}
+    assert sent["id"].startswith("sys_")
+    expect(page.get_by_label("Damping ratio ζ", exact=True)).to_have_value("0.02")
+    expect(page.locator(".verdict")).to_contain_text("certified")

@@ -105,7 +105,7 @@ function parameters() {
   if (structure.form === "stored") {
     const text = `${structure.name || "structure"}: ${size(structure) || "…"} degrees of freedom`;
     const force = structure.matrices && structure.matrices.force;
-    box.append(make("p", { class: "hint" }, text), geometryUpload(), ...units, ...(force && force.some(Boolean) ? [make("p", { class: "hint" }, "The file has a constant load; those below are added.")] : []));
+    box.append(make("p", { class: "hint" }, text), geometryUpload(), ...units, ...(force && force.some(Boolean) ? [make("p", { class: "hint" }, "The file has a constant load; those below are added.")] : []), ...dampingField(structure, changed));
     return box;
   }
   if (structure.form === "matrices") box.append(matrixEditor(structure, changed), ...units);
@@ -115,15 +115,20 @@ function parameters() {
       changed();
     }, { pointer: `/system/${name}`, whole, min, max, name }));
   }
-  if (about.damped) {
-    const field = numberField("Damping ratio ζ", structure.damping, (value) => {
-      structure.damping = /** @type {number} */ (value);
-      changed();
-    }, { pointer: "/system/C", min: 0, name: "zeta" });
-    field.append(dampingSlider(field, changed));
-    box.append(field);
-  }
+  box.append(...dampingField(structure, changed));
   return box;
+}
+
+/** @param {import("./structures.js").Structure} structure @param {() => void} changed @returns {HTMLElement[]} a field for the damping ratio, where there is no other damping */
+function dampingField(structure, changed) {
+  if (!FORMS[structure.form].damped || (structure.matrices && structure.matrices.C)) return [];
+  const pointer = structure.form === "stored" || structure.form === "matrices" ? "/system/damping" : "/system/C";
+  const field = numberField("Damping ratio ζ", structure.damping, (value) => {
+    structure.damping = /** @type {number} */ (value);
+    changed();
+  }, { pointer, min: 0, name: "zeta" });
+  field.append(dampingSlider(field, changed));
+  return [field];
 }
 
 /** @param {(dof: number) => void} toggleStop @param {() => void} rebuild */

@@ -75,8 +75,8 @@ export const FORMS = {
       { label: "Frequency Ω₀", name: "Omega0", value: 1 }, { label: "Mass ratio", name: "ratio", value: 0.05 },
     ],
   },
-  matrices: { label: "Matrices M, K", damped: false, modes: [0.277, 1.31], wide: WIDE, driven: [0.3, 2.5], stops: [stop(0, 1, 1)], parameters: [] },
-  stored: { label: "Uploaded structure", damped: false, modes: [0.277, 1.31], wide: WIDE, driven: [0.3, 2.5], stops: [stop(0, 1, 1)], parameters: [] },
+  matrices: { label: "Matrices M, K", damped: true, modes: [0.277, 1.31], wide: WIDE, driven: [0.3, 2.5], stops: [stop(0, 1, 1)], parameters: [] },
+  stored: { label: "Uploaded structure", damped: true, modes: [0.277, 1.31], wide: WIDE, driven: [0.3, 2.5], stops: [stop(0, 1, 1)], parameters: [] },
 };
 
 /** @param {string} form @returns {Structure} */
@@ -171,10 +171,10 @@ function constraint(each) {
 export function systemDocument(structure, damped = true) {
   const { form, parameters: p, stops, id, loads } = structure;
   const constraints = stops.map(constraint);
-  const zeta = damped ? structure.damping : 0;
+  const zeta = damped && !(structure.matrices && structure.matrices.C) ? structure.damping : 0;
   const loaded = loads.some((each) => each.force);
   if (!loaded) {
-    if (form === "stored") return { id, constraints };
+    if (form === "stored") return { id, constraints, ...(zeta ? { damping: { ratio: zeta } } : {}) };
     if (form === "oscillator" || form === "two_mass") return { preset: form, ...p, ...(zeta ? { zeta } : {}), constraints };
     if (form === "chain" && !zeta) return { preset: "chain", n: p.n, mass: p.mass, stiffness: p.stiffness, constraints };
     if (form === "absorber" && !zeta) return { preset: form, ...p, constraints };
@@ -182,9 +182,10 @@ export function systemDocument(structure, damped = true) {
     if (form === "double_pendulum") return { preset: form, mu: p.mu, constraints };
   }
   const { M, K, C, force, units } = sparseMatrices(structure);
-  const damping = zeta ? dampingOf(structure, K, zeta) : damped ? C : undefined;
+  const ratio = zeta && (form === "stored" || form === "matrices") ? { damping: { ratio: zeta } } : {};
+  const damping = "damping" in ratio || !damped ? undefined : zeta ? dampingOf(structure, K, zeta) : C;
   const constant = loaded ? total(size(structure), force, loads) : force;
-  return { M, K, ...(damping ? { C: damping } : {}), ...(constant ? { force: constant } : {}), ...(units ? { units } : {}), constraints };
+  return { M, K, ...(damping ? { C: damping } : {}), ...ratio, ...(constant ? { force: constant } : {}), ...(units ? { units } : {}), constraints };
 }
 
 /**

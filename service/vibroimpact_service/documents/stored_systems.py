@@ -55,23 +55,27 @@ def put(
 
 
 def resolve(store: Store, reference: SystemReference, *where: str) -> AnySystem:
-    """Return the stored system of a reference, with the reference's constraints if it has any.
+    """Return the stored system of a reference, with what the reference has of its own.
 
     `where` is the path from the body to the reference.
 
     Raises
     ------
     ProblemError
-        422 where no system of that name is stored.
+        422 where no system of that name is stored, or it has another damping beside.
     """
     data = store.systems.get(reference.id)
     if data is None:
         raise _unknown(*where)
     system = parse.document(SYSTEM, orjson.loads(data))
     assert not isinstance(system, SystemReference)
-    if reference.constraints is not None:
-        return system.model_copy(update={"constraints": reference.constraints})
-    return system
+    own = {name: getattr(reference, name) for name in ("constraints", "damping")}
+    other = next((name for name in ("C", "zeta") if getattr(system, name, None)), None)
+    if own["damping"] is not None and other is not None:
+        raise problems.invalid(
+            problems.pointer((*where, "damping")), "two_dampings", f"the stored system has {other}"
+        )
+    return system.model_copy(update={name: x for name, x in own.items() if x is not None})
 
 
 def check_owner(owner: str, reference: SystemReference, *where: str) -> None:

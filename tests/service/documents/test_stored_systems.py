@@ -30,6 +30,30 @@ def test_stored_systems_stand_for_themselves(store: Store, chain: dict[str, Any]
     assert caught.value.errors[0].pointer == "/system/id"
 
 
+def test_a_reference_may_have_a_damping_of_its_own(store: Store) -> None:
+    eye = {"diagonal": [1.0, 1.0]}
+
+    def stored(name: str, content: dict[str, Any]) -> str:
+        document = stored_systems.SYSTEM.validate_python({**content, "constraints": []})
+        store.systems.put(name, digest.canonical(document))
+        return name
+
+    plain = stored("sys_" + "2" * 64, {"M": eye, "K": eye, "damping": {"ratio": 0.01}})
+    more = SystemReference.model_validate({"id": plain, "damping": {"ratio": 0.02}})
+    system = stored_systems.resolve(store, more)
+    assert system.model_dump(exclude_none=True)["damping"] == {"ratio": 0.02}
+    kept = stored_systems.resolve(store, SystemReference(id=plain))
+    assert kept.model_dump(exclude_none=True)["damping"] == {"ratio": 0.01}
+    damped = stored("sys_" + "3" * 64, {"M": eye, "K": eye, "C": eye})
+    preset = stored("sys_" + "4" * 64, {"preset": "oscillator", "Omega0": 1.0, "zeta": 0.1})
+    for name in (damped, preset):
+        twice = more.model_copy(update={"id": name})
+        with pytest.raises(ProblemError) as caught:
+            stored_systems.resolve(store, twice, "system")
+        assert caught.value.errors[0].pointer == "/system/damping"
+        assert caught.value.errors[0].code == "two_dampings"
+
+
 def test_systems_are_stored_by_content(
     settings: Settings, store: Store, chain: dict[str, Any]
 ) -> None:
