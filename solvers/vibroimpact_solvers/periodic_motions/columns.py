@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers, along, nothing
 from vibroimpact_solvers.periodic_motions.along import Along
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.energies import energies
@@ -66,24 +66,40 @@ def of(
     return columns
 
 
-def merged(parts: Sequence[Columns]) -> Columns:
-    """Return the columns of all solutions by ascending frequency, those without impacts first."""
-    shift, starts = 0, []
+def merged(parts: Sequence[Columns], table: str = "impact") -> Columns:
+    """Return the columns of all solutions by ascending frequency, those of earlier parts first.
+
+    `table` has the rows that belong to solutions, ``"impact"`` or ``"contact"``.
+    """
+    owner = f"{table}_solution"
+    shift, owners = 0, []
     for part in parts:
-        starts.append(part["impact_solution"] + shift)
+        owners.append(part[owner] + shift)
         shift += part["solution_impacts"].size
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order = np.argsort(whole["solution_frequency_index"], kind="stable")
     place = np.empty(order.size, dtype=np.int64)
     place[order] = np.arange(order.size)
-    of_impacts = place[np.concatenate(starts)]
-    impact_order = np.argsort(of_impacts, kind="stable")
-    impacts = set(along(Result, "impact"))
+    moved = place[np.concatenate(owners)]
+    row_order = np.argsort(moved, kind="stable")
+    rows = set(along(Result, table))
     merged: Columns = {
-        name: values[impact_order if name in impacts else order] for name, values in whole.items()
+        name: values[row_order if name in rows else order] for name, values in whole.items()
     }
-    merged["impact_solution"] = of_impacts[impact_order]
+    merged[owner] = moved[row_order]
     return merged
+
+
+def result_of(problem: Problem, columns: Columns, complete: Booleans, statement: str) -> Result:
+    """Return the result that has these columns."""
+    values = nothing(Result) | columns
+    values["Omega"], values["complete"] = problem.Omega, complete
+    values["error_statement"] = statement
+    if {"extremes", "waveform"} & problem.outputs:
+        values["dof"] = problem.output_dofs
+    if "waveform" in problem.outputs:
+        values["tau"] = problem.tau
+    return Result(**values)
 
 
 def _impacts(problem: Problem, driven: Driven, solved: Solutions) -> Columns:

@@ -108,15 +108,7 @@ class Driven:
         # A mode with a node at a constraint is not coupled at all; rounding of its participation
         # would put a multiplier next to a pole of the equation that the multipliers solve.
         rows[equal.silent] = 0.0
-        harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
-        forces = np.zeros((harmonics.size, system.n), dtype=np.complex128)
-        powers = np.zeros(harmonics.size, dtype=np.int64)
-        for force in problem.load:
-            k = int(np.searchsorted(harmonics, force.harmonic))
-            powers[k] = force.power
-            amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
-            for dof, weight in zip(force.dofs, force.weights, strict=True):
-                forces[k, dof] += amplitude * weight
+        harmonics, powers, forces = problem.forces()
         unit = math.ldexp(1.0, -2 * structure.exponent)
         load = unit * (
             basis.kick(forces.real @ modes.shapes) + 1j * basis.kick(forces.imag @ modes.shapes)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
@@ -143,6 +144,22 @@ class Problem:
     def turn(self) -> float:
         """Phase of the drive after which the load repeats itself, rad: motions may begin later."""
         return 2.0 * math.pi / max(1, math.gcd(*(force.harmonic for force in self.load)))
+
+    def forces(self) -> tuple[Floats, Integers, NDArray[np.complex128]]:
+        """Return the harmonics of the load, its powers of the frequency, and amplitudes of forces.
+
+        The latter have the shape (harmonic, dof); forces of one harmonic have one power.
+        """
+        harmonics = np.unique([force.harmonic for force in self.load]).astype(np.float64)
+        forces = np.zeros((harmonics.size, self.system.n), dtype=np.complex128)
+        powers = np.zeros(harmonics.size, dtype=np.int64)
+        for force in self.load:
+            k = int(np.searchsorted(harmonics, force.harmonic))
+            powers[k] = force.power
+            amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
+            for dof, weight in zip(force.dofs, force.weights, strict=True):
+                forces[k, dof] += amplitude * weight
+        return harmonics, powers, forces
 
     def slice(self, start: int, stop: int) -> Problem:
         """Return the problem of some of the frequencies."""

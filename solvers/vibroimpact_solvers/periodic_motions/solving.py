@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import along, nothing
+from vibroimpact_solvers.arrays import along
 from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single, stops
 from vibroimpact_solvers.periodic_motions.drive import Driven
@@ -104,11 +104,4 @@ def _solve_block(problem: Problem, plan: Plan, driven: Driven) -> Result:
         # Without impacts, half of a period says nothing that the whole does not.
         whole = cells if cells.sign > 0.0 else cells.doubled()
         parts.insert(0, columns.of(problem, driven, whole, without_impacts(whole)))
-    values = nothing(Result) | columns.merged(parts)
-    values["Omega"], values["complete"] = problem.Omega, complete
-    values["error_statement"] = _STATEMENT
-    if {"extremes", "waveform"} & problem.outputs:
-        values["dof"] = problem.output_dofs
-    if "waveform" in problem.outputs:
-        values["tau"] = problem.tau
-    return Result(**values)
+    return columns.result_of(problem, columns.merged(parts), complete, _STATEMENT)

@@ -99,29 +99,6 @@ def of(problem: Problem, phases: Phases, cells: Cells, solved: Solutions) -> Col
     return columns
 
 
-def merged(parts_of: list[Columns]) -> Columns:
-    """Return the columns of all solutions by frequency, the linear ones first."""
-    shift, owners = 0, []
-    for part in parts_of:
-        owners.append(part["contact_solution"] + shift)
-        shift += part["solution_impacts"].size
-    names = parts_of[0].keys()
-    whole = {name: np.concatenate([part[name] for part in parts_of]) for name in names}
-    order = np.argsort(whole["solution_frequency_index"], kind="stable")
-    place = np.empty(order.size, dtype=np.int64)
-    place[order] = np.arange(order.size)
-    owner = place[np.concatenate(owners)]
-    inner = np.argsort(owner, kind="stable")
-    contacts, impacts = set(along(Result, "contact")), set(along(Result, "impact"))
-    result: Columns = {
-        name: values[inner if name in contacts else order]
-        for name, values in whole.items()
-        if name not in impacts
-    }
-    result["contact_solution"] = owner[inner]
-    return result | no_impacts()
-
-
 def no_impacts() -> Columns:
     """Return the empty table of impacts."""
     return {

@@ -145,7 +145,9 @@ class Phases:
         structure = Structure.of(problem.system, method, 2.0 * math.pi / float(problem.Omega[0]))
         stopped = StoppedModes(structure)
         side = ((impact.constraint, impact.side),)
-        harmonics, powers, forces = load_of(problem)
+        harmonics, powers, forces = problem.forces()
+        some = forces.any(axis=1)
+        harmonics, powers, forces = harmonics[some], powers[some], forces[some]
         placed = stopped.placed(()), stopped.placed(side)
         modes = placed[0].basis.modes
         if np.where(modes.roots == 0.0, modes.load, 0.0).any():
@@ -165,21 +167,6 @@ class Phases:
             loaded, to_loaded, to_open, offset, forces, harmonics, powers,
             float(np.linalg.norm(to_loaded, 2)),
         )  # fmt: skip
-
-
-def load_of(problem: Problem) -> tuple[Floats, Integers, Complexes]:
-    """Return the harmonics of the load, powers of the frequency, and amplitudes of forces."""
-    harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
-    forces = np.zeros((harmonics.size, problem.system.n), dtype=np.complex128)
-    powers = np.zeros(harmonics.size, dtype=np.int64)
-    for force in problem.load:
-        k = int(np.searchsorted(harmonics, force.harmonic))
-        powers[k] = force.power
-        amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
-        for dof, weight in zip(force.dofs, force.weights, strict=True):
-            forces[k, dof] += amplitude * weight
-    keep = forces.any(axis=1)
-    return harmonics[keep], powers[keep], forces[keep]
 
 
 def _side(

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Final
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import nothing
+from vibroimpact_solvers.periodic_motions.columns import merged, result_of
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
@@ -45,11 +45,5 @@ def _solve_block(problem: Problem, phases: Phases, search: Search) -> Result:
         parts.append(columns.of_linear(problem, Linear(phases, whole, held=True)))
     struck, complete = search.contacts(cells)
     parts.append(columns.of(problem, phases, cells, struck))
-    values = nothing(Result) | columns.merged(parts)
-    values["Omega"], values["complete"] = problem.Omega, complete
-    values["error_statement"] = _STATEMENT
-    if {"extremes", "waveform"} & problem.outputs:
-        values["dof"] = problem.output_dofs
-    if "waveform" in problem.outputs:
-        values["tau"] = problem.tau
-    return Result(**values)
+    tables = merged(parts, "contact") | columns.no_impacts()
+    return result_of(problem, tables, complete, _STATEMENT)
