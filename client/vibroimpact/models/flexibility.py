@@ -80,7 +80,7 @@ def rigid_body_modes(
     tried = _TRIED if count is None else count + 1
     while True:
         values, shapes = _nearest_to_zero(scaled, solve, min(tried, n))
-        terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
+        terms = _terms(scaled, shapes)
         energies = np.divide(np.abs(values), terms, out=np.zeros_like(values), where=terms > 0.0)
         rigid = int((energies <= RIGID).sum()) if count is None else min(count, n)
         if rigid < len(values) or len(values) == n:
@@ -112,7 +112,7 @@ def _shifted(A: Any, places: Array | None) -> tuple[Callable[[Array], Array], fl
     return factors.solve, int((factors.U.diagonal() <= 0.0).sum())
 
 
-def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
+def no_rigid_body_modes(K: Any, factors: cholesky.Factors) -> bool:
     """Return whether all motions have energy, far beyond rounding, and none stands apart.
 
     Parameters
@@ -121,23 +121,21 @@ def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
         Stiffness.
     factors : Factors
         Of K.
-    held : array of int
-        Empty: nothing is held.
     """
     scale = unit_stiffness(K)
     scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
     n = K.shape[0]
 
     def inverse(f: Array) -> Array:
-        solution: Array = factors.solve(f.ravel() / scale, held) / scale
+        solution: Array = factors.solve(f.ravel() / scale) / scale
         return solution
 
     def energies(count: int, tolerance: float, vectors: int) -> Array:
         _, shapes = scipy.sparse.linalg.eigsh(
             scaled, count, sigma=0.0, OPinv=operator, v0=start, ncv=vectors, tol=tolerance
         )
-        of_terms = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
-        return np.sort(np.sum(shapes * (scaled @ shapes), axis=0) / of_terms)
+        own = np.sum(shapes * (scaled @ shapes), axis=0)
+        return np.sort(own / _terms(scaled, shapes))
 
     start = np.random.default_rng(0).normal(size=n)
     operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
@@ -148,6 +146,12 @@ def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
         return False
     # A fine mesh of a slender structure: the next ones tell whether the first stand apart.
     return _nearly_rigid(energies(_TRIED, 1e-3, 20), 0) == 0
+
+
+def _terms(scaled: Any, shapes: Array) -> Array:
+    """Return the sums of the sizes of all terms of the energies of shapes."""
+    sums: Array = np.sum(np.abs(shapes) * (abs(scaled) @ np.abs(shapes)), axis=0)
+    return sums
 
 
 def unit_stiffness(K: Any) -> Array:

@@ -251,7 +251,7 @@ def _rigid(
         return *rigid_body_modes(model.K, rigid, model.places), None
     try:
         factors = cholesky.Factors(model.K, kept, model.places)
-        if rigid == 0 or no_rigid_body_modes(model.K, factors, ()):
+        if rigid == 0 or no_rigid_body_modes(model.K, factors):
             return np.zeros((model.n, 0)), True, factors
     except cholesky.NotDefinite:
         pass  # as of a structure that is free, to rounding
