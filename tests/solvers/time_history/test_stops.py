@@ -18,7 +18,7 @@ from vibroimpact_solvers import (
     resonances,
     time_history,
 )
-from vibroimpact_solvers.errors import Cancelled, ModelError
+from vibroimpact_solvers.errors import Cancelled, ModelError, PlanError
 from vibroimpact_solvers.laws import Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.time_history.stops import motion as motions_of_stops
@@ -323,6 +323,22 @@ def test_contacts_beyond_the_first_table() -> None:
     assert (np.abs(result.contact_start - starts) <= result.error_contact_start).all()
     assert result.contact_side is not None
     assert (result.contact_side == np.where(np.arange(count) % 2, -1, 1)).all()
+
+
+def test_a_stop_far_too_stiff_for_modes_is_named() -> None:
+    """The damping of the structure is not what is wrong."""
+    n = 10
+    K = SymmetricMatrix.bands({0: np.full(n, 2.0), 1: np.full(n - 1, -1.0)})
+    C = SymmetricMatrix.dense(0.04 * K.to_dense())
+    for stiffness, fails in ((1e3, False), (1e30, True)):
+        wall = Constraint((8,), (1.0,), None, 0.01, law=Linear(stiffness))
+        system = System(SymmetricMatrix.diagonal(np.ones(n)), K, (wall,), C=C)
+        if not fails:
+            motion(system, np.zeros(n), np.ones(n), 5.0, 3)
+            continue
+        with pytest.raises(PlanError, match="the stop of constraint 0 loaded") as refused:
+            motion(system, np.zeros(n), np.ones(n), 5.0, 3)
+        assert refused.value.pointer == ("system", "constraints", 0, "law")
 
 
 STOPPED = one_mass(Linear(10.0), 0.1, K=1.0)

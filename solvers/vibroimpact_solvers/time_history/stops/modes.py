@@ -16,6 +16,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
 from vibroimpact_solvers.time_history.structure import Structure
@@ -205,10 +206,27 @@ class StoppedModes:
         return damping + (rows.T * c) @ rows, errors + _ROUNDED * EPS * (c @ rows**2)
 
     def placed(self, loaded: tuple[tuple[int, int], ...]) -> Placed:
-        """Return the basis with given stops loaded, each by its constraint and side."""
+        """Return the basis with given stops loaded, each by its constraint and side.
+
+        Raises
+        ------
+        PlanError
+            Where modes cannot be told apart, those of the open structure or with a stop loaded.
+        """
         known = self._placed.get(loaded)
         if known is None:
-            known = self._placed[loaded] = self._place(loaded)
+            try:
+                known = self._placed[loaded] = self._place(loaded)
+            except PlanError as error:
+                if not loaded:
+                    raise
+                self.placed(())  # what ails the open structure is no fault of a stop
+                stiffest = max((index for index, _ in loaded), key=lambda i: self.stiffness[i])
+                message = (
+                    f"{error.message}, with the stop of constraint {stiffest} loaded: its "
+                    "stiffness or damping is too large beside those of the structure"
+                )
+                raise PlanError(message, ("system", "constraints", stiffest, "law")) from None
         return known
 
     def _place(self, loaded: tuple[tuple[int, int], ...]) -> Placed:
