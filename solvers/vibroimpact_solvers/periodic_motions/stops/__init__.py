@@ -1,7 +1,8 @@
 """Periodic motions with stops of finite stiffness, one contact phase per period or half period.
 
-All of them are roots of one equation in the duration of the phase (`relaxed`), which are isolated
-with proof that none is missed (`isolation`, `kernels.durations`).
+All of them are roots of one equation in the duration of the phase (`prescribed`), which are
+isolated with proof that none is missed (`isolation`, `kernels.durations`), or looked for where
+that takes too long (`search`).
 """
 
 from vibroimpact_solvers.periodic_motions.stops.planning import steps

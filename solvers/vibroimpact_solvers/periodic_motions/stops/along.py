@@ -11,9 +11,9 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.stops import relaxed
+from vibroimpact_solvers.periodic_motions.stops import prescribed
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 
 _NODES: Final = 12
@@ -73,7 +73,7 @@ class Part:
     def states(self, times: Floats) -> Floats:
         """Return whole states, with the steady response, at times, (time, 2 pair)."""
         flow = self.side.propagators(times)
-        moved = relaxed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
+        moved = prescribed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
         return np.asarray(
             moved + (np.exp(1j * times[:, np.newaxis] * self.rates) @ self.steady).real
         )
@@ -81,8 +81,8 @@ class Part:
     def both(self, times: Floats) -> tuple[Floats, Floats]:
         """Return whole states and their rates, (time, 2 pair)."""
         flow = self.side.propagators(times)
-        moved = relaxed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
-        rates = relaxed.drift(self.side, np.arange(self.state.size), moved, form=False)
+        moved = prescribed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
+        rates = prescribed.drift(self.side, np.arange(self.state.size), moved, form=False)
         turned = np.exp(1j * times[:, np.newaxis] * self.rates)
         return (
             np.asarray(moved + (turned @ self.steady).real),
@@ -285,7 +285,7 @@ def peaks(part: Part, form: Floats, level: Floats, times: Floats, seen: Floats) 
     low[:, :-1][seen[:, :-1] < seen[:, 1:]] = -np.inf
     few = max(len(times) - _PEAKS, 0)
     row = np.argpartition(low, few, axis=1)[:, few:].T
-    slope = relaxed.drift(part.side, np.arange(form.shape[1]), form, form=True)
+    slope = prescribed.drift(part.side, np.arange(form.shape[1]), form, form=True)
     # The steady response turns at its own rates: its second derivative is not that of the form.
     rates = 1j * part.rates[:, np.newaxis]
     more = (rates * (rates * (part.steady @ form.T) - part.steady @ slope.T)).T

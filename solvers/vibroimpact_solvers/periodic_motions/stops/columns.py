@@ -16,7 +16,7 @@ from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.multipliers import multipliers
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Result

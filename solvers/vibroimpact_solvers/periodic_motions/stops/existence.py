@@ -30,9 +30,9 @@ from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.stops import relaxed
+from vibroimpact_solvers.periodic_motions.stops import prescribed
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 from vibroimpact_solvers.results.impact_modes import Reason
 
@@ -148,7 +148,7 @@ def legs(
     free = np.flatnonzero(leaves < solved.rest)
     state, error = solved.left[free], solved.left_error[free]
     if damped:
-        state = relaxed.apply(phases.open.propagators(leaves[free]), state)
+        state = prescribed.apply(phases.open.propagators(leaves[free]), state)
     since = solved.d[free] + leaves[free]
     index = solved.index[free]
     free_leg = Leg(
@@ -218,7 +218,7 @@ def _wall_left(phases: Phases, cells: Cells, solved: Solutions) -> Floats:
     Omega = cells.Omega[solved.index]
 
     def indentation(k: int, times: Floats) -> Floats:
-        moved = relaxed.apply(
+        moved = prescribed.apply(
             phases.open.propagators(times), np.broadcast_to(solved.left[k], (times.size, form.size))
         )
         phase = solved.phase[k] + Omega[k] * (solved.d[k] + times)
@@ -229,7 +229,7 @@ def _wall_left(phases: Phases, cells: Cells, solved: Solutions) -> Floats:
     for k in range(count):
         look()
         rest = float(solved.rest[k])
-        slow = phases.open.growth[moving] * rest > -relaxed.GONE * 8.0
+        slow = phases.open.growth[moving] * rest > -prescribed.GONE * 8.0
         fastest = float(phases.open.rate[moving][slow].max(initial=Omega[k]))
         nodes = int(min(_NODES, 8 + _PARTS * fastest * rest / (2.0 * math.pi)))
         # close together at the beginning, where the force has just been lost

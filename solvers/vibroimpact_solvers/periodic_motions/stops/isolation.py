@@ -13,9 +13,9 @@ from vibroimpact_solvers.kernels import durations
 from vibroimpact_solvers.kernels.durations import CUT, EMPTY, FULL, RADIUS, TERMS, UNRESOLVED
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.stops import relaxed
+from vibroimpact_solvers.periodic_motions.stops import prescribed
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells, Relaxed
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells, Prescribed
 
 _FIRST: Final = 8  # boxes of a period
 _LEFT_OUT: Final = 1e-6
@@ -121,7 +121,7 @@ class Boxes:
             index, d, half = _halves(index[long], d[long], half[long])
         index, d, half = (np.concatenate(each) for each in zip(*parts, strict=True))
         work = np.zeros(count)
-        np.add.at(work, index, 1.0 + relaxed.live_counts(phases, cells, index, d) ** 3 / _CUBES)
+        np.add.at(work, index, 1.0 + prescribed.live_counts(phases, cells, index, d) ** 3 / _CUBES)
         return cls(index, d, half, left, work)
 
     def at(self, which: Booleans) -> Boxes:
@@ -144,8 +144,8 @@ def isolated(phases: Phases, cells: Cells, start: Start, boxes: Boxes) -> Durati
         index, d, half = index[~over], d[~over], half[~over]
         np.add.at(used, index, 1)
         again = []
-        for some in relaxed.pieces(phases, cells, index, d):
-            one = relaxed.relaxed(phases, cells, index[some], d[some])
+        for some in prescribed.pieces(phases, cells, index, d):
+            one = prescribed.motions(phases, cells, index[some], d[some])
             states, roots = _roots(phases, cells, start, one, half[some])
             roots_of_all.append(roots)
             cut = some[(states == CUT) | (states == FULL)]
@@ -205,7 +205,7 @@ def _sizes(side: Side, times: Floats, form: Floats) -> Floats:
     pairs = side.pairs
     lengths = np.hypot(form[:n], form[n:])
     grows[:, pairs.parabolas] *= 1.0 + times[:, np.newaxis]
-    alive = side.growth * times[:, np.newaxis] > -relaxed.GONE
+    alive = side.growth * times[:, np.newaxis] > -prescribed.GONE
     return np.asarray(np.sqrt(2.0) * lengths * grows * alive)
 
 
@@ -229,13 +229,13 @@ def _series(side: Side, live: Integers, first: Floats, half: Floats, sign: float
     terms = np.empty((len(first), TERMS, first.shape[1]))
     terms[:, 0] = first
     for k in range(1, TERMS):
-        rate = relaxed.drift(side, live, terms[:, k - 1], form=sign > 0.0)
+        rate = prescribed.drift(side, live, terms[:, k - 1], form=sign > 0.0)
         terms[:, k] = rate * (sign * half / k)[:, np.newaxis]
     return terms
 
 
 def _roots(
-    phases: Phases, cells: Cells, start: Start, motions: Relaxed, half: Floats
+    phases: Phases, cells: Cells, start: Start, motions: Prescribed, half: Floats
 ) -> tuple[Integers, tuple[Integers, Floats, Floats, Integers]]:
     """Return what became of boxes, and the intervals of roots in them."""
     boxes = _boxes(phases, cells, start, motions, half)
@@ -258,7 +258,7 @@ def _roots(
 
 
 def _boxes(
-    phases: Phases, cells: Cells, start: Start, motions: Relaxed, half: Floats
+    phases: Phases, cells: Cells, start: Start, motions: Prescribed, half: Floats
 ) -> durations.Boxes:
     """Return what the kernel has to know of boxes around durations."""
     index, d, live, loaded = motions.index, motions.d, motions.live, motions.live_loaded
@@ -299,7 +299,7 @@ def _remainders(
     phases: Phases,
     cells: Cells,
     start: Start,
-    motions: Relaxed,
+    motions: Prescribed,
     half: Floats,
     given: tuple[Complexes, Floats, Floats, Complexes],
 ) -> Floats:

@@ -15,7 +15,7 @@ from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops.along import Part
 from vibroimpact_solvers.periodic_motions.stops.existence import Leg, check, walls_of
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.results.impact_modes import Reason
 
 

@@ -16,7 +16,7 @@ from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
-from vibroimpact_solvers.periodic_motions.stops.relaxed import GONE, Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import GONE, Cells
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 
 _SAMPLED: Final = 4.0  # errors over the root of the sum of squares of independent ones

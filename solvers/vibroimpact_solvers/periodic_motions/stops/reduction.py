@@ -16,7 +16,7 @@ from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.periodic_motions.problem import SYMMETRIC, Force, Impact, Problem
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,12 +13,12 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Integers
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.stops import isolation, relaxed
+from vibroimpact_solvers.periodic_motions.stops import isolation, prescribed
 from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.isolation import Boxes
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.reduction import Reduced
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
 from vibroimpact_solvers.periodic_motions.stops.solutions import (
     Solutions,
     apart,
@@ -110,7 +110,7 @@ class Search:
                     self._phases, cells, start, index[some], d[some], near.phase[some],
                     _REACH * cells.length[index[some]],
                 )[0]
-                for some in relaxed.pieces(self._phases, cells, index, d)
+                for some in prescribed.pieces(self._phases, cells, index, d)
             ]  # fmt: skip
             if one:
                 parts.append(apart(cells, joined(one)))

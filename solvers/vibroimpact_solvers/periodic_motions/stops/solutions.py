@@ -10,10 +10,10 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.stops import relaxed
+from vibroimpact_solvers.periodic_motions.stops import prescribed
 from vibroimpact_solvers.periodic_motions.stops.isolation import Durations, Start
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells, Relaxed
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells, Prescribed
 
 _STEPS: Final = 12  # of Newton's method
 _DONE: Final = 8.0 * EPS  # of the period, steps of the last one
@@ -69,9 +69,9 @@ class Solutions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Values:
-    """What Newton's method takes of relaxed motions with given phases, each (motion,)."""
+    """What Newton's method takes of motions of given durations and phases, each (motion,)."""
 
-    motions: Relaxed
+    motions: Prescribed
     start: Floats  # the form at the beginning
     force: Floats  # at the end
     start_turn: Floats  # derivative by the phase
@@ -92,9 +92,11 @@ def solutions(
     """
     parts: list[Solutions] = []
     lost: list[Integers] = []
-    for some in relaxed.pieces(phases, cells, intervals.index, intervals.d):
+    for some in prescribed.pieces(phases, cells, intervals.index, intervals.d):
         index, d, sure = intervals.index[some], intervals.d[some], intervals.sure[some]
-        theta, off = _phases(phases, cells, start, relaxed.relaxed(phases, cells, index, d), sure)
+        theta, off = _phases(
+            phases, cells, start, prescribed.motions(phases, cells, index, d), sure
+        )
         index, d, half = np.repeat(index, 2), np.repeat(d, 2), np.repeat(intervals.half[some], 2)
         theta = theta.ravel()
         there = np.isfinite(theta)
@@ -121,7 +123,7 @@ def joined(parts: list[Solutions]) -> Solutions:
 
 
 def _phases(
-    phases: Phases, cells: Cells, start: Start, motions: Relaxed, sure: Booleans
+    phases: Phases, cells: Cells, start: Start, motions: Prescribed, sure: Booleans
 ) -> tuple[Floats, Floats]:
     """Return phases at which both forms are zero, two where one is not sure, (motion, 2).
 
@@ -140,7 +142,7 @@ def _phases(
 
 
 def forms(
-    phases: Phases, cells: Cells, start: Start, motions: Relaxed
+    phases: Phases, cells: Cells, start: Start, motions: Prescribed
 ) -> tuple[Complexes, Floats, Complexes, Floats]:
     """Return amplitudes and constants of the forms at both ends, (motion, harmonic) and (motion,).
 
@@ -162,8 +164,8 @@ def forms(
 def _values(
     phases: Phases, cells: Cells, start: Start, index: Integers, d: Floats, theta: Floats
 ) -> _Values:
-    """Return the forms of relaxed motions, and their derivatives."""
-    motions = relaxed.relaxed(phases, cells, index, d)
+    """Return the forms of motions of prescribed durations, and their derivatives."""
+    motions = prescribed.motions(phases, cells, index, d)
     live, loaded = motions.live, motions.live_loaded
     Q, g, R, h = forms(phases, cells, start, motions)
     harmonics = phases.harmonics
@@ -177,7 +179,7 @@ def _values(
     b += np.einsum("mhi,mh->mi", cells.jump[index], turned).real
     y = np.einsum("mij,mj->mi", motions.inverse, motions.u)
     to = phases.to_loaded[np.ix_(loaded, live)]
-    slope_form = relaxed.drift(phases.loaded, loaded, motions.v, form=True)
+    slope_form = prescribed.drift(phases.loaded, loaded, motions.v, form=True)
     late = turned * np.exp(1j * (cells.Omega[index] * d)[:, np.newaxis] * harmonics)
     rates = 1j * cells.Omega[index, np.newaxis] * harmonics
     push = cells.loaded[index] @ phases.loaded.force
@@ -231,7 +233,7 @@ def _solved(
     """Return solutions with their states and errors, which go where they should."""
     v = _values(phases, cells, start, index, d, theta)
     rest = cells.length[index] - d
-    last = relaxed.apply(phases.loaded.propagators(d), v.b)
+    last = prescribed.apply(phases.loaded.propagators(d), v.b)
     late = v.turned * np.exp(1j * (cells.Omega[index] * d)[:, np.newaxis] * phases.harmonics)
     back = last - phases.offset
     back = back - np.einsum("mhi,mh->mi", cells.jump[index], late).real
@@ -241,7 +243,7 @@ def _solved(
         *_errors(phases, cells, start, v, index, d, last, left),
     )  # fmt: skip
     rates = 1j * cells.Omega[index, np.newaxis] * phases.harmonics * v.turned
-    slope = relaxed.drift(phases.open, np.arange(2 * phases.open.size), start.form, form=True)
+    slope = prescribed.drift(phases.open, np.arange(2 * phases.open.size), start.form, form=True)
     rises = v.a @ slope + (rates * (cells.opened[index] @ start.form)).real.sum(axis=1)
     good = (rises > 0.0) & (v.force_slope < 0.0)
     if start.regained:

@@ -11,7 +11,7 @@ from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
-from vibroimpact_solvers.periodic_motions.stops.relaxed import Cells
+from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.search import Search
 from vibroimpact_solvers.plan import Plan, Stage, Tick, batches
 from vibroimpact_solvers.results.periodic_motions import Result

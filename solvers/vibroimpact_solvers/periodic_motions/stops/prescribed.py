@@ -80,8 +80,8 @@ class Cells:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Relaxed:
-    """Relaxed motions at durations d of frequencies, in pieces of few modes.
+class Prescribed:
+    """Motions of prescribed durations d at frequencies, in pieces of few modes.
 
     Parameters
     ----------
@@ -111,15 +111,15 @@ class Relaxed:
 
 def pieces(phases: Phases, cells: Cells, index: Integers, d: Floats) -> list[Integers]:
     """Return motions grouped such that matrices of a group are small: indices of each group."""
-    gone = live_counts(phases, cells, index, d)
-    order = np.lexsort((d, gone))
+    live = live_counts(phases, cells, index, d)
+    order = np.lexsort((d, live))
     groups: list[Integers] = []
     first = 0
     while first < order.size:
-        size = max(8, int(gone[order[first]]))
+        size = max(8, int(live[order[first]]))
         last = first
         most = min(_TOGETHER, max(1, _NUMBERS // (size * max(size, 2 * phases.loaded.size))))
-        while last < order.size and gone[order[last]] <= 2 * size and last - first < most:
+        while last < order.size and live[order[last]] <= 2 * size and last - first < most:
             last += 1
         groups.append(order[first:last])
         first = last
@@ -156,8 +156,8 @@ def apply_form(flow: tuple[Floats, Floats, Floats], form: Floats) -> Floats:
     return np.concatenate([first * even + second * back, first * odd + second * even], axis=-1)
 
 
-def relaxed(phases: Phases, cells: Cells, index: Integers, d: Floats) -> Relaxed:
-    """Return the relaxed motions at durations; all of them at once, see `pieces`."""
+def motions(phases: Phases, cells: Cells, index: Integers, d: Floats) -> Prescribed:
+    """Return the motions of prescribed durations; all of them at once, see `pieces`."""
     look()
     opened, loaded = phases.open, phases.loaded
     rest = cells.length[index] - d
@@ -192,7 +192,7 @@ def relaxed(phases: Phases, cells: Cells, index: Integers, d: Floats) -> Relaxed
     kick = phases.impact.side * unit * phases.open.kick[phases.impact.constraint]
     u = cells.sign * apply(F0, np.broadcast_to(kick, (index.size, kick.size)))[:, live]
     v = apply_form(F1, loaded.force)[:, live_loaded]
-    return Relaxed(index, d, live, live_loaded, inverse, a, u, v)
+    return Prescribed(index, d, live, live_loaded, inverse, a, u, v)
 
 
 def drift(side: Side, live: Integers, z: Floats, *, form: bool) -> Floats:
