@@ -43,9 +43,12 @@ def system(document: systems.AnySystem) -> System:
     ModelError
         With the pointer inside the document.
     """
-    name = digest.content(digest.canonical(document)).encode()
+    # Matrices, which are long, are written once for both names.
+    structure = digest.content(digest.canonical(document.model_copy(update={"constraints": []})))
+    limiters = [each.model_dump(exclude_none=True) for each in document.constraints]
+    name = f"{structure} {digest.content(digest.dumps(limiters))}".encode()
     try:
-        return KNOWN.get(name, lambda: _Known(_limited(document))).system
+        return KNOWN.get(name, lambda: _Known(_limited(document, structure))).system
     except OverflowError:
         message = "its numbers are too large for double precision"
         raise ModelError((), message, code="overflow") from None
@@ -80,15 +83,15 @@ _STRUCTURES: Final = WeakValueDictionary[str, System]()
 """By their documents without limiters, the latest of each structure that is kept in `KNOWN`."""
 
 
-def _limited(document: systems.AnySystem) -> System:
+def _limited(document: systems.AnySystem, structure: str) -> System:
     """Return the system of a document, on the body of a known one that has other limiters.
 
-    Modes and contact configurations are then those of the known one.
+    Modes and contact configurations are then those of the known one. `structure` names the
+    document without limiters.
     """
-    name = digest.content(digest.canonical(document.model_copy(update={"constraints": []})))
-    known = _STRUCTURES.get(name)
+    known = _STRUCTURES.get(structure)
     of = _whole(document) if known is None else known.limited(constraints(document))
-    _STRUCTURES[name] = of
+    _STRUCTURES[structure] = of
     return of
 
 
