@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 from vibroimpact import kinds
+from vibroimpact.arguments import number
 from vibroimpact.computations import Computations
 from vibroimpact.errors import MissingExtra, from_problem
 from vibroimpact.parts import Parts
@@ -38,21 +40,36 @@ class Local(
     """Computes without a server, with the methods of `Client` for every kind of computation.
 
     There is no job and no store: nothing continues when the program ends. Results are bit for bit
-    those of a service. A process of the program's own computes them, with the limits of memory and
-    processor time of a worker (``VIBROIMPACT_WORKER_MEMORY_BYTES``); Ctrl-C ends it at once.
+    those of a service. A process of the program's own computes them, with the memory of a worker
+    (``VIBROIMPACT_WORKER_MEMORY_BYTES``); Ctrl-C ends it at once.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Processor time that each computation may take; default: as much as it needs.
+
+    Raises
+    ------
+    ValueError
+        If `seconds` is not positive.
 
     Examples
     --------
     >>> result = Local().impact_modes(chain(13, [constraint(5, 0.2)]), [1.4])  # doctest: +SKIP
     """
 
+    def __init__(self, *, seconds: float | None = None) -> None:
+        self._seconds = math.inf if seconds is None else number("seconds", seconds)
+        if not self._seconds > 0.0:
+            raise ValueError(f"seconds must be positive, not {seconds!r}")
+
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
         if not progress:
-            return _result(self._answer("compute", kind, request))
+            return _result(self._answer("compute", kind, request, None, self._seconds))
         from vibroimpact.progress import counter
 
         with counter(kind) as tick:
-            return _result(self._answer("compute", kind, request, tick))
+            return _result(self._answer("compute", kind, request, tick, self._seconds))
 
     def plan(self, kind: documents.Kind, request: documents.Request) -> Plan:
         """Return the steps of a computation and those it skips, with reasons; compute nothing."""

@@ -7,6 +7,7 @@ arrays and documents, as over HTTP.
 from __future__ import annotations
 
 import atexit
+import math
 import os
 import pickle
 import signal
@@ -45,13 +46,16 @@ class FailedError(RuntimeError):
 
 
 def compute(
-    kind: str, content: Mapping[str, Any], tick: Callable[[int, int], None] | None = None
+    kind: str,
+    content: Mapping[str, Any],
+    tick: Callable[[int, int], None] | None = None,
+    seconds: float = math.inf,
 ) -> list[Entry]:
     """Return the result of a request: all that its HDF5 file has.
 
     A small result would take longer to be written to a file and read from it than to be computed.
 
-    A process beside this one computes it, with the limits of a worker, and is kept for the next
+    A process beside this one computes it, with the memory of a worker, and is kept for the next
     request. Whatever ends the wait for it, such as Ctrl-C or an error of `tick`, ends the process.
     Where kernels have to be compiled, a line on standard error says so.
 
@@ -63,6 +67,8 @@ def compute(
         The request document.
     tick : callable, optional
         Called with the work done and all work.
+    seconds : float
+        Processor time that it may take.
 
     Raises
     ------
@@ -73,7 +79,7 @@ def compute(
     except IndexError:
         process = _started()
     try:
-        answer = _answered(process, (kind, dict(content)), tick)
+        answer = _answered(process, (kind, dict(content), seconds), tick)
     except BaseException:
         _end(process)
         raise
@@ -99,7 +105,7 @@ def _started() -> Process:
 
 
 def _answered(
-    process: Process, request: tuple[str, dict[str, Any]], tick: Callable[[int, int], None] | None
+    process: Process, request: local_process.Request, tick: Callable[[int, int], None] | None
 ) -> tuple[str, Any]:
     """Return the answer to a request.
 
@@ -124,7 +130,7 @@ def _answered(
 def _death(code: int) -> ProblemError:
     """Return the problem of a computation whose process ended with an exit code."""
     if code == -signal.SIGXCPU:
-        detail = "It took far more processor time than planned, and its process was ended."
+        detail = "It took more processor time than it was given, and its process was ended."
         return ProblemError(problems.LIMIT_PASSED, detail)
     why = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     detail = f"The process that computed it ended: {why}. It may need more memory than there is."

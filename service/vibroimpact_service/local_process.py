@@ -1,13 +1,14 @@
-"""The process that computes for a caller without a server, with the limits of a worker.
+"""The process that computes for a caller without a server, with the memory of a worker.
 
 It reads requests from its standard input and answers on its standard output, both as pickled
-tuples: ``(kind, content)``, and for each any number of ``("progress", done, total)`` before
-``("result", entries)``, of its file, ``("refused", document)`` or ``("failed", text)``. It
+tuples: ``(kind, content, seconds)``, and for each any number of ``("progress", done, total)``
+before ``("result", entries)``, of its file, ``("refused", document)`` or ``("failed", text)``. It
 ends with its caller.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import queue
@@ -29,9 +30,12 @@ from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import hdf5
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.use_case import chunks, computation
+from vibroimpact_service.use_case import computation
 from vibroimpact_solvers.kernels import inventory
 from vibroimpact_solvers.meter import LimitPassedError, StopSignal
+
+Request = tuple[str, dict[str, Any], float]
+"""A kind, a request document, and the processor time that it may take, seconds."""
 
 CALLER: Final = "local"
 _PROGRESS_SECONDS: Final = 0.05
@@ -66,28 +70,32 @@ def no_systems() -> Store:
     return Store(str(Path(tempfile.gettempdir()) / f"vibroimpact-none-{os.getpid()}"))
 
 
-def _compute(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> list[Entry]:
+def _compute(
+    kind: str, content: Mapping[str, Any], seconds: float, answers: BinaryIO
+) -> list[Entry]:
     """Return all that the HDF5 file of the result of a request has."""
     request = requests.read(CALLER, kinds.named(kind, "kind"), dict(content))
     with inventory.announced():
         planned = planning.plan(no_systems(), request.kind, request.document)
         signal = _Signal(answers)
-        most = chunks.longest(request.kind.name, planned.seconds)
-        signal.allow(most)
+        if seconds < math.inf:
+            signal.allow(seconds)
         try:
             result = computation.compute(planned, request.digest, request.canonical, signal)
         except LimitPassedError:
             detail = (
-                f"It took more than {most:.3g} s of processor time; {planned.seconds:.3g} s were "
-                "planned."
+                f"It took more than the {seconds:.3g} s of processor time that it was given; "
+                f"{planned.seconds:.3g} s were planned, and {signal.fraction:.0%} was done."
             )
             raise ProblemError(problems.LIMIT_PASSED, detail) from None
         return list(hdf5.entries(result))
 
 
-def _answer(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> tuple[Any, ...]:
+def _answer(
+    kind: str, content: Mapping[str, Any], seconds: float, answers: BinaryIO
+) -> tuple[Any, ...]:
     try:
-        return "result", _compute(kind, content, answers)
+        return "result", _compute(kind, content, seconds, answers)
     except MemoryError:
         detail = "It needs more memory than a worker has."
         fault = ProblemError(problems.LIMIT_PASSED, detail)
@@ -98,7 +106,7 @@ def _answer(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> tuple[A
     return "refused", fault.document(CALLER).model_dump(mode="json")
 
 
-def _read(given: BinaryIO, waiting: queue.SimpleQueue[tuple[str, dict[str, Any]]]) -> None:
+def _read(given: BinaryIO, waiting: queue.SimpleQueue[Request]) -> None:
     """Hand over what is read, and end the process, whatever it computes, with its caller."""
     while True:
         try:
@@ -115,11 +123,10 @@ def main() -> None:
     limit = process_limits.worker_memory(settings.worker_memory_bytes, 1)
     process_limits.limit_memory(limit)
     decode.KNOWN.resize(settings.structures_bytes)
-    waiting = queue.SimpleQueue[tuple[str, dict[str, Any]]]()
+    waiting = queue.SimpleQueue[Request]()
     threading.Thread(target=_read, args=(given, waiting), daemon=True).start()
     while True:
-        kind, content = waiting.get()
-        write(answers, _answer(kind, content, answers))
+        write(answers, _answer(*waiting.get(), answers))
 
 
 if __name__ == "__main__":

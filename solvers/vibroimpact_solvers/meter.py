@@ -223,6 +223,8 @@ class StopSignal:
         self._next_check = time.monotonic() + _CANCELLED_SECONDS
         self.stopped = False
         self.wanted = True
+        self.fraction = 0.0
+        """Part of the work that was done at the last progress."""
         self.shares: list[float] = []
         """Processor times at which parts of the call ended; see `end_share`."""
 
@@ -251,8 +253,9 @@ class StopSignal:
             raise StoppedError
         self(done, total)
 
-    def __call__(self, _done: int, _total: int) -> None:
+    def __call__(self, done: int, total: int) -> None:
         """Raise `StoppedError` or `LimitPassedError` where the computation is to stop."""
+        self.fraction = done / max(1, total)
         if processor_time() > self._processor_end:
             raise LimitPassedError
         now = time.monotonic()

@@ -185,7 +185,9 @@ def test_a_piece_that_takes_far_more_than_planned_ends_and_says_what_is_kept(
     monkeypatch.setattr(impact_modes, "solve", endless)
     monkeypatch.setattr(job_chunks, "_LEAST_LIMIT", 0.05)
     monkeypatch.setattr(warming, "is_compiled", lambda kind: kind == KIND.name)
-    with pytest.raises(LimitPassedError, match=f"1 of {total} pieces are kept") as passed:
+    with pytest.raises(
+        LimitPassedError, match=f"0% of it was done. 1 of {total} pieces are kept"
+    ) as passed:
         job_chunks.solve(*arguments, [1], StopSignal())
     problem = job_chunks.explain(passed.value)
     assert (problem["code"], problem["status"]) == ("limit_passed", 422)

@@ -1,4 +1,4 @@
-"""Computations without a server: the limits of a worker, and Ctrl-C."""
+"""Computations without a server: memory, processor time, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -22,9 +22,8 @@ CHAIN = vi.chain(13, [vi.constraint(5, 0.2)])
 ENDLESS = """
 import itertools
 from vibroimpact_service import local_process
-from vibroimpact_service.use_case import chunks, computation, warming
+from vibroimpact_service.use_case import computation
 from vibroimpact_service.jobs import process_limits
-chunks._LEAST_LIMIT, chunks._TIMES_PLANNED, chunks._COMPILATION_SECONDS = {piece}, 0.0, 0.0
 process_limits._MARGIN_SECONDS = {margin}
 {compute}
 local_process.main()
@@ -40,9 +39,9 @@ def processes_end() -> Iterator[None]:
     local._end_all()
 
 
-def command(monkeypatch: pytest.MonkeyPatch, compute: str, piece: float, margin: float) -> None:
+def command(monkeypatch: pytest.MonkeyPatch, compute: str, margin: float) -> None:
     """Let the process be one with other limits, or another computation."""
-    text = ENDLESS.format(piece=piece, margin=margin, compute=compute)
+    text = ENDLESS.format(margin=margin, compute=compute)
     monkeypatch.setattr(local, "_COMMAND", [sys.executable, "-c", text])
 
 
@@ -64,25 +63,38 @@ def test_memory_is_that_of_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     assert client.impact_modes(CHAIN, [1.4]).exists is not None
 
 
-def test_processor_time_is_that_of_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+ENDLESSLY_HIT = vi.system([[1.0]], [[1.0]], [vi.constraint(0, 0.2)])
+"""A rigid stop without loss, from which a mass rebounds for ever."""
+
+
+def test_processor_time_is_what_the_caller_gives() -> None:
     """A computation that tells its progress ends with the sentence of its limit."""
-    command(monkeypatch, "", 0.0, 60.0)
-    with pytest.raises(vi.VibroimpactError, match="processor time"):
-        vi.Local().time_history(CHAIN, ([0.0] * 13, [1.0] * 13), 2e3, outputs=["impacts"])
+    for_a_moment = vi.Local(seconds=0.2)
+    with pytest.raises(
+        vi.VibroimpactError, match=r"0\.2 s of processor time that .* \d+% was done"
+    ):
+        for_a_moment.time_history(ENDLESSLY_HIT, ([0.0], [1.0]), 1e9, outputs=["impacts"])
+    assert for_a_moment.impact_modes(CHAIN, [1.4]).exists is not None
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan")])
+def test_processor_time_that_is_no_time(seconds: float) -> None:
+    with pytest.raises(ValueError, match="seconds must be positive"):
+        vi.Local(seconds=seconds)
 
 
 def test_processor_time_ends_compiled_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that heeds nothing is ended by the operating system, and another can follow."""
-    command(monkeypatch, IN_COMPILED_CODE, 0.0, 1.0)
+    command(monkeypatch, IN_COMPILED_CODE, 1.0)
     with pytest.raises(vi.VibroimpactError, match="processor time"):
-        vi.Local().impact_modes(CHAIN, [1.4])
+        vi.Local(seconds=0.1).impact_modes(CHAIN, [1.4])
     monkeypatch.undo()
     assert vi.Local().impact_modes(CHAIN, [1.4]).exists is not None
 
 
 def test_ctrl_c_ends_compiled_code(tmp_path: Path) -> None:
     """The program goes on at once, its process is gone, and the next computation works."""
-    text = ENDLESS.format(piece=60.0, margin=60.0, compute=IN_COMPILED_CODE)
+    text = ENDLESS.format(margin=60.0, compute=IN_COMPILED_CODE)
     script = tmp_path / "script.py"
     script.write_text(
         textwrap.dedent(f"""

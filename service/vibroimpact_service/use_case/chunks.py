@@ -155,12 +155,6 @@ def _solve_chained(store: Store, job: Cut, indices: Sequence[int], tick: Tick | 
             _put(store, job.names[last], before)
 
 
-def longest(kind: str, planned: float) -> float:
-    """Return the processor time that a chunk of so much planned time may take, seconds."""
-    most = min(_LEAST_LIMIT + _TIMES_PLANNED * planned, _MOST_LIMIT)
-    return most if warming.is_compiled(kind) else most + _COMPILATION_SECONDS
-
-
 @contextmanager
 def _limited(store: Store, job: Cut, tick: Tick | None) -> Iterator[None]:
     """Bound the processor time of a chunk, by its price and beyond all reasonable errors of that.
@@ -171,16 +165,19 @@ def _limited(store: Store, job: Cut, tick: Tick | None) -> Iterator[None]:
         Where it takes more.
     """
     planned = job.planned.seconds / max(1, len(job.names))
-    most = longest(job.planned.kind.name, planned)
+    most = min(_LEAST_LIMIT + _TIMES_PLANNED * planned, _MOST_LIMIT)
+    if not warming.is_compiled(job.planned.kind.name):
+        most += _COMPILATION_SECONDS
     if isinstance(tick, StopSignal):
         tick.allow(most)
     try:
         yield
     except LimitPassedError:
         kept, total = len(store.chunks.sound(job.names)), len(job.names)
+        done = f", {tick.fraction:.0%} of it was done" if isinstance(tick, StopSignal) else ""
         detail = (
-            f"A piece took more than {most:.3g} s of processor time; {planned:.3g} s were planned. "
-            f"{kept} of {total} pieces are kept."
+            f"A piece took more than {most:.3g} s of processor time; {planned:.3g} s were planned"
+            f"{done}. {kept} of {total} pieces are kept."
         )
         raise LimitPassedError(detail) from None
 
