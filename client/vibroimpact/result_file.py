@@ -8,7 +8,8 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import getitem
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeVar
 
@@ -117,15 +118,26 @@ class ResultFile:
         """Return an output, as an array or as a table."""
         if name.startswith("_"):
             raise AttributeError(name)
-        parts: list[_Lazy[Any]] = [self.__dict__.get(part, {}) for part in ("_arrays", "_tables")]
-        for part in parts:
-            if name in part:
-                return part[name]
-        available = ", ".join(sorted(name for part in parts for name in part))
-        raise AttributeError(
-            f"the result has no {name!r}; it has {available}; `outputs` of the request chooses "
-            "what is computed"
+        if name not in self:
+            raise AttributeError(self._without(name))
+        return self._arrays[name] if name in self._arrays else self._tables[name]
+
+    def __getitem__(self, path: str) -> Any:
+        """Return an output, or a column of a table: ``result["x"]``, ``result["impacts/time"]``."""
+        name, *columns = path.split("/")
+        if name not in self:
+            raise KeyError(self._without(name))
+        return reduce(getitem, columns, getattr(self, name))
+
+    def _without(self, name: str) -> str:
+        return (
+            f"the result has no {name!r}; it has {', '.join(sorted(self))}; `outputs` of the "
+            "request chooses what is computed"
         )
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the arrays and of the tables."""
+        yield from (*self._arrays, *self._tables)
 
     def __contains__(self, name: object) -> bool:
         """Return whether there is an array or a table of that name: ``"impulse" in result``."""
@@ -133,7 +145,7 @@ class ResultFile:
 
     def __dir__(self) -> list[str]:
         """Return the names of all attributes, outputs included."""
-        return [*super().__dir__(), *self._arrays, *self._tables]
+        return [*super().__dir__(), *self]
 
     def outputs(self) -> list[str]:
         """Return the names of the arrays that are no axes."""

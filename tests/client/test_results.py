@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import tracemalloc
@@ -61,6 +62,20 @@ def test_what_a_result_contains() -> None:
     assert "side" in result.impacts
     for other in ("side", "kind", 3, None):
         assert other not in result
+
+
+def test_outputs_by_name() -> None:
+    """As of a dataset: by the name that is an attribute too, and columns by their path."""
+    result = vi.Result(content())
+    assert result["x"].tolist() == result.x.tolist() == [0.0, 1.0, 2.0]
+    assert result["impacts"] is result.impacts
+    assert result["impacts/side"].tolist() == [1, -1]
+    assert {"x", "t", "impacts"} <= set(result)
+    with pytest.raises(KeyError, match=r"the result has no 'velocity'; it has .*impacts"):
+        result["velocity"]
+    with pytest.raises(KeyError, match="momentum"):
+        result["impacts/momentum"]
+    assert copy.copy(result)["x"].size == 3
 
 
 def test_numbers_as_a_document_and_as_a_data_frame() -> None:
