@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def constraint(
-    dof: int | None = None,
+    dof: int | Mapping[int, float] | None = None,
     gap: float | documents.Limits | Mapping[str, float | None] = 0.0,
     restitution: float | None = None,
     *,
@@ -24,15 +24,16 @@ def constraint(
 
     Parameters
     ----------
-    dof : int
-        Index of the constrained degree of freedom, from 0.
+    dof : int or mapping
+        Index of the constrained degree of freedom, from 0; or the weight of each, where the
+        constrained coordinate is a sum: ``{3: 1.0, 4: -1.0}`` is a gap between two.
     gap : float or mapping
         Distance to both walls, or ``{"lower": l, "upper": u}``; None stands for no wall.
     restitution : float, optional
         Newton's coefficient of restitution of a rigid stop, 1 (elastic) where absent; of a stop
         with a stiffness, instead of its damping, that of a free mass.
     direction : mapping of int to float
-        Alternative to `dof`: weight of each degree of freedom in the constrained coordinate.
+        Another name of a `dof` that is a sum.
     stiffness : float, optional
         Force by length beyond the wall; absent: the stop is rigid.
     damping : float, optional
@@ -58,10 +59,13 @@ def constraint(
         raise ValueError("a stop with a damping needs a stiffness, which may be 0")
     else:
         document["restitution"] = 1.0 if restitution is None else number("restitution", restitution)
-    if direction is None:
+    if dof is not None and direction is not None:
+        raise ValueError("a constraint has either a dof or a direction")
+    weights = dof if isinstance(dof, Mapping) else direction
+    if weights is None:
         document["dof"] = None if dof is None else integer("dof", dof)
     else:
-        document["direction"] = direction_of(direction)
+        document["direction"] = direction_of(weights)
     return document
 
 
@@ -96,21 +100,24 @@ def soft(
 
 
 def dashpot(
-    dof: int | None = None, c: float = 0.0, *, direction: Mapping[int, float] | None = None
+    dof: int | Mapping[int, float] | None = None,
+    c: float = 0.0,
+    *,
+    direction: Mapping[int, float] | None = None,
 ) -> documents.Dashpot:
     """Return the document of a viscous damper, of a degree of freedom or between several.
 
     Parameters
     ----------
-    dof : int
-        Index of the degree of freedom, from 0.
+    dof : int or mapping
+        Index of the degree of freedom, from 0; or the weight of each, such as
+        ``{3: 1.0, 4: -1.0}`` between two.
     c : float
         Its force by unit velocity.
     direction : mapping of int to float
-        Alternative to `dof`: weight of each degree of freedom, such as ``{3: 1.0, 4: -1.0}``
-        between two.
+        Another name of a `dof` that is a sum.
     """
-    weights = direction if dof is None else {dof: 1.0}
+    weights = direction if dof is None else dof if isinstance(dof, Mapping) else {dof: 1.0}
     if weights is None or (dof is not None and direction is not None):
         raise ValueError("a dashpot needs either a dof or a direction")
     coordinate = direction_of(weights)

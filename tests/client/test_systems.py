@@ -76,6 +76,17 @@ def test_the_request_of_a_slow_flow_is_what_the_schema_takes() -> None:
         SlowFlowRequest.model_validate(request)
 
 
+def test_a_coordinate_between_degrees_of_freedom_is_named_in_two_ways() -> None:
+    weights = {0: 1.0, 1: -1.0}
+    stop = vi.constraint(weights, 0.5)
+    assert stop == vi.constraint(direction=weights, gap=0.5)
+    assert stop["direction"] == {"dofs": [0, 1], "weights": [1.0, -1.0]}
+    assert vi.dashpot(weights, 3.0) == vi.dashpot(direction=weights, c=3.0)
+    for both in (vi.constraint, vi.dashpot):
+        with pytest.raises(ValueError, match="either a dof or a direction"):
+            both(0, 0.5, direction=weights)
+
+
 def test_a_single_constraint_or_output_needs_no_list() -> None:
     assert vi.chain(3, STOP[0]) == vi.chain(3, STOP)
     assert vi.system([1.0], [1.0], STOP[0]) == vi.system([1.0], [1.0], STOP)
