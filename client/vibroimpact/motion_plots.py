@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -24,28 +25,34 @@ from vibroimpact.tables import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_NAMED_TERMS: Final = 3
+"""Terms of a sum that fit the label of an axis."""
+
 
 @noted
 def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Plot a displacement over time, with the walls and impacts of its constraint.
+    """Plot a displacement over time, by default that of the first constraint, with its walls.
 
-    Stops of finite stiffness: with their force, on an axis at the right, or with the times at which
-    they push. If only impacts or contacts were computed, plot their impulses over time.
+    Impacts are marked at the walls. Stops of finite stiffness: with their force, on an axis at the
+    right, or with the times at which they push. If only impacts or contacts were computed, plot
+    their impulses over time.
     """
     ax = ax or new_axes()
     if not hasattr(result, "x"):
         return _impulses(result, ax)
-    dof, column = column_of(result, dof)
-    ax.plot(result.t, result.x[:, column], color=ADMISSIBLE, linewidth=1.2)
-    _impacts(result, dof, ax)
-    _forces(result, dof, ax)
+    shown = coordinate_of(result, dof)
+    ax.plot(result.t, shown.of(result.x), color=ADMISSIBLE, linewidth=1.2)
+    for wall in shown.walls:
+        ax.axhline(wall, color=WALL, linewidth=1.2)
+    _impacts(result, shown, ax)
+    _forces(result, shown, ax)
     until = result.error.predictable_until
     if until < result.t[-1]:
         ax.axvspan(until, result.t[-1], color=PHANTOM, alpha=0.25, linewidth=0.0)
         ax.annotate("not predictable", (until, 1.0), (4, -4), va="top", fontsize=7.0,
                     xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
     ax.set_xlabel(label("time", result, "t"))
-    ax.set_ylabel(label(rf"displacement $x_{{{dof}}}$", result, "x"))
+    ax.set_ylabel(label(f"displacement {shown.name('x')}", result, "x"))
     ax.margins(x=0.0)
     return ax
 
@@ -129,20 +136,22 @@ def _impulses(result: ResultFile, ax: Axes) -> Axes:
     return ax
 
 
-def _forces(result: ResultFile, dof: int, ax: Axes) -> None:
-    """Draw the force of the stop at a degree of freedom, or the times at which it pushes."""
-    mine = [i for i, c in enumerate(constraints_of(result)) if c.get("dof") == dof]
-    if not mine:
+def _forces(result: ResultFile, shown: Coordinate, ax: Axes) -> None:
+    """Draw the force of the stop at a coordinate, or the times at which it pushes."""
+    if not shown.constraints:
         return
     if hasattr(result, "force"):
-        right, force = ax.twinx(), result.force[:, mine[0]]
+        right, force = ax.twinx(), result.force[:, shown.constraints[0]]
         right.fill_between(result.t, force, color=OTHER, alpha=0.35, linewidth=0.0)
         right.set_ylim(0.0, 3.0 * float(force.max(initial=0.0)) or 1.0)
         sizes = ax.yaxis.label.get_fontsize(), ax.yaxis.get_ticklabels()[0].get_fontsize()
         right.set_ylabel(label("force of the stop", result, "force"), fontsize=sizes[0])
         right.tick_params(labelsize=sizes[1])
+        right.ticklabel_format(axis="y", useMathText=True)
+        right.yaxis.get_offset_text().set_fontsize(sizes[1])
+        right.spines["top"].set_visible(False)
     elif hasattr(result, "contacts") and hasattr(result.contacts, "peak_force"):
-        pushing = result.contacts.constraint == mine[0]
+        pushing = result.contacts.constraint == shown.constraints[0]
         spans = zip(result.contacts.start[pushing], result.contacts.stop[pushing], strict=True)
         for start, stop in spans:
             ax.axvspan(start, stop, color=OTHER, alpha=0.25, linewidth=0.0)
@@ -150,13 +159,13 @@ def _forces(result: ResultFile, dof: int, ax: Axes) -> None:
 
 @noted
 def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Plot the velocity over the displacement of a degree of freedom, with its walls.
+    """Plot the velocity over the displacement, by default of the first constraint, with its walls.
 
     The line is interrupted at impacts, where the velocity jumps.
     """
     ax = ax or new_axes()
-    dof, column = column_of(result, dof)
-    x, v = result.x[:, column], result.v[:, column]
+    shown = coordinate_of(result, dof)
+    x, v = shown.of(result.x), shown.of(result.v)
     breaks = np.zeros(0, dtype=np.int64)
     if hasattr(result, "impacts"):
         breaks = np.unique(np.searchsorted(result.t, result.impacts.time))
@@ -164,19 +173,75 @@ def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = No
     ax.plot(
         np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=ADMISSIBLE, linewidth=0.9
     )
-    for wall in gaps_of(result, dof):
+    for wall in shown.walls:
         ax.axvline(wall, color=WALL, linewidth=1.5)
     ax.locator_params(axis="x", nbins=5)
-    ax.set_xlabel(label(rf"displacement $x_{{{dof}}}$", result, "x"))
-    ax.set_ylabel(label(rf"velocity $v_{{{dof}}}$", result, "v"))
+    ax.set_xlabel(label(f"displacement {shown.name('x')}", result, "x"))
+    ax.set_ylabel(label(f"velocity {shown.name('v')}", result, "v"))
     return ax
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """A degree of freedom, or the sum of several that a constraint limits.
+
+    Parameters
+    ----------
+    weights : dict
+        Column of the result -> weight.
+    dofs : tuple of int
+        Degrees of freedom of these columns.
+    constraints : tuple of int
+        Constraints that limit it.
+    walls : tuple of float
+        Where they do.
+    """
+
+    weights: dict[int, float]
+    dofs: tuple[int, ...]
+    constraints: tuple[int, ...]
+    walls: tuple[float, ...]
+
+    def of(self, values: Array) -> Array:
+        """Return its values over time from those of all columns, shape (time, column)."""
+        shown: Array = values[:, list(self.weights)] @ np.array([*self.weights.values()])
+        return shown
+
+    def name(self, symbol: str) -> str:
+        """Return its name, such as x_2 - x_5, or that of its constraint where it has many terms."""
+        if len(self.dofs) > _NAMED_TERMS:
+            return f"of constraint {self.constraints[0]}"
+        terms = zip(self.weights.values(), self.dofs, strict=True)
+        text = "".join(
+            f"{'-' if w < 0.0 else '+'}{'' if abs(w) == 1.0 else f'{abs(w):.3g}'}{symbol}_{{{dof}}}"
+            for w, dof in terms
+        )
+        return f"${text.removeprefix('+')}$"
+
+
+def coordinate_of(result: ResultFile, dof: int | None) -> Coordinate:
+    """Return a degree of freedom, by default what the first constraint limits."""
+    computed = [int(each) for each in result.dof]
+    limited = [_weights(each) for each in constraints_of(result)]
+    if dof is None:
+        whole = (each for each in limited if each and each.keys() <= set(computed))
+        weights = next(whole, {computed[0]: 1.0})
+    else:
+        weights = {dof: 1.0}
+    mine = [index for index, each in enumerate(limited) if each == weights]
+    return Coordinate(
+        {computed.index(each): weight for each, weight in weights.items()},
+        tuple(weights),
+        tuple(mine),
+        tuple(wall for index in mine for wall in _walls(constraints_of(result)[index])),
+    )
 
 
 def column_of(result: ResultFile, dof: int | None) -> tuple[int, int]:
     """Return a degree of freedom, by default the first constrained one, and its column."""
     computed = [int(d) for d in result.dof]
     if dof is None:
-        struck = [c.get("dof") for c in constraints_of(result)]
+        struck = (d for each in constraints_of(result) for d in _weights(each))
         dof = next((d for d in struck if d in computed), computed[0])
     return dof, computed.index(dof)
 
@@ -186,29 +251,29 @@ def constraints_of(result: ResultFile) -> list[dict[str, Any]]:
     return list(result.request.get("system", {}).get("constraints") or ())
 
 
-def gaps_of(result: ResultFile, dof: int) -> list[float]:
-    """Return the displacements at which the walls of a degree of freedom stand."""
-    walls: list[float] = []
-    for constraint in constraints_of(result):
-        if constraint.get("dof") == dof:
-            gap = constraint["gap"]
-            single = isinstance(gap, int | float)
-            lower, upper = (gap, gap) if single else (gap.get("lower"), gap.get("upper"))
-            walls += [s * w for s, w in ((-1.0, lower), (1.0, upper)) if w is not None]
-    return walls
+def _weights(constraint: dict[str, Any]) -> dict[int, float]:
+    """Return the weights of the degrees of freedom in the coordinate of a constraint."""
+    direction = constraint.get("direction")
+    if direction:
+        return dict(zip(direction["dofs"], direction["weights"], strict=True))
+    return {constraint.get("dof", -1): 1.0}
 
 
-def _impacts(result: ResultFile, dof: int, ax: Axes) -> None:
-    for wall in gaps_of(result, dof):
-        ax.axhline(wall, color=WALL, linewidth=1.2)
-    if not hasattr(result, "impacts"):
+def _walls(constraint: dict[str, Any]) -> list[float]:
+    """Return the displacements at which the walls of a constraint stand."""
+    gap = constraint["gap"]
+    single = isinstance(gap, int | float)
+    lower, upper = (gap, gap) if single else (gap.get("lower"), gap.get("upper"))
+    return [s * w for s, w in ((-1.0, lower), (1.0, upper)) if w is not None]
+
+
+def _impacts(result: ResultFile, shown: Coordinate, ax: Axes) -> None:
+    """Mark the impacts at the walls of a coordinate."""
+    if not hasattr(result, "impacts") or not shown.walls:
         return
-    constraints = constraints_of(result)
-    mine = [i for i, c in enumerate(constraints) if c.get("dof") == dof]
-    struck = np.isin(result.impacts.constraint, mine)
-    walls = gaps_of(result, dof)
-    if struck.any() and walls:
-        places = np.where(result.impacts.side > 0, max(walls), min(walls))
+    struck = np.isin(result.impacts.constraint, shown.constraints)
+    if struck.any():
+        places = np.where(result.impacts.side > 0, max(shown.walls), min(shown.walls))
         ax.plot(result.impacts.time[struck], places[struck], "o", color=OTHER, markersize=2.5)
 
 

@@ -14,8 +14,8 @@ from vibroimpact.motion_plots import (
     basins,
     column_of,
     constraints_of,
+    coordinate_of,
     displacement,
-    gaps_of,
     history,
     phase_plane,
 )
@@ -418,7 +418,7 @@ def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     if result.dof.size <= 100:
         ax.plot(result.dof, x, "o", color=ADMISSIBLE, markersize=4)
     for dof in {c["dof"] for c in constraints_of(result) if c.get("dof") is not None}:
-        ax.hlines(gaps_of(result, dof), dof - 0.4, dof + 0.4, color=WALL, linewidth=2.0)
+        ax.hlines(coordinate_of(result, dof).walls, dof - 0.4, dof + 0.4, color=WALL, linewidth=2.0)
     ax.set_xlabel("degree of freedom")
     ax.set_ylabel(label(r"displacement at $\tau = 1$", result, "shape"))
     title(ax, _at(result, index))

@@ -36,6 +36,7 @@ SERIES: Final = (
 """Colours with line styles that tell curves apart without colours."""
 SHEET: Final[Any] = {
     "font.size": 8.0,
+    "axes.formatter.use_mathtext": True,
     "axes.labelsize": 8.0,
     "axes.titlesize": 8.0,
     "xtick.labelsize": 7.5,
@@ -79,16 +80,21 @@ _CHARACTERS = 17.0
 
 
 def legend(ax: Axes, columns: int = 5, **options: Any) -> None:
-    """Place the legend above the axes, where it hides no curve, in as many columns as fit."""
+    """Place the legend above the axes, where it hides no curve, in as many columns as fit.
+
+    It stands above the power of ten of the ticks, if there is one.
+    """
     handles, names = ax.get_legend_handles_labels()
     if not handles:
         return
     width = ax.bbox.width / ax.figure.dpi
     fit = int(_CHARACTERS * width / (max(map(len, names)) + 6.0))
     columns = max(1, min(columns, fit))
+    ticks = ax.yaxis.get_major_formatter()
+    ticks.format_ticks(ax.get_yticks().tolist())
     settings: dict[str, Any] = {
         "loc": "lower left",
-        "bbox_to_anchor": (0.0, 1.0),
+        "bbox_to_anchor": (0.0, 1.06 if ticks.get_offset() else 1.0),
         "ncols": min(columns, len(handles)),
         "frameon": False,
         "fontsize": 7.5,

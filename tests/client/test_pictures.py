@@ -160,3 +160,63 @@ def test_the_axis_of_branches_says_what_varies() -> None:
     assert over.get_xlabel() == "frequency of the drive (Hz)"
     gap = "system.constraints.0.gap"
     assert plots.branches(branches(gap)).get_xlabel() == gap
+
+
+POUNDING = {
+    "constraints": [
+        {
+            "direction": {"dofs": [2, 0], "weights": [1.0, -0.5]},
+            "gap": {"lower": None, "upper": 0.75},
+        }
+    ]
+}
+
+
+def history(**outputs: Any) -> Any:
+    """Return a history of a structure with a gap between two coordinates, which close it once."""
+    t = np.linspace(0.0, 1.0, 5)
+    x = np.stack([-t, np.zeros(5), t], axis=1)
+    return types.SimpleNamespace(
+        request={"system": POUNDING}, t=t, x=x, v=x, dof=np.array([0, 1, 2]), neglected=(),
+        error=types.SimpleNamespace(predictable_until=np.inf), unit=lambda _: "1", **outputs,
+    )  # fmt: skip
+
+
+def test_a_history_shows_the_gap_that_closes() -> None:
+    """By default the coordinate of the first constraint, also where it lies between two others."""
+    struck = types.SimpleNamespace(
+        time=np.array([0.5]), constraint=np.array([0]), side=np.array([1])
+    )
+    ax = plots.history(history(impacts=struck))
+    curve, wall, mark = ax.lines
+    np.testing.assert_array_equal(curve.get_ydata(), 1.5 * np.linspace(0.0, 1.0, 5))
+    assert wall.get_ydata() == [0.75, 0.75]
+    assert (mark.get_xdata().tolist(), mark.get_ydata().tolist()) == ([0.5], [0.75])
+    assert ax.get_ylabel() == "displacement $x_{2}-0.5x_{0}$"
+    alone = plots.history(history(impacts=struck), dof=1)
+    assert len(alone.lines) == 1
+    assert alone.get_ylabel() == "displacement $x_{1}$"
+
+
+def test_the_force_of_a_stop_is_drawn_beside_its_gap() -> None:
+    ax = plots.history(history(force=1e7 * np.arange(5.0)[:, np.newaxis]))
+    ax.figure.draw_without_rendering()
+    (_, right) = ax.figure.axes
+    assert right.get_ylabel() == "force of the stop"
+    assert right.yaxis.get_offset_text().get_size() == ax.yaxis.get_ticklabels()[0].get_size()
+
+
+def test_a_phase_plane_shows_the_gap_that_closes() -> None:
+    ax = plots.phase_plane(history())
+    assert ax.get_ylabel() == "velocity $v_{2}-0.5v_{0}$"
+    assert [line.get_xdata()[0] for line in ax.lines] == [0.0, 0.75]
+
+
+def test_legends_stand_above_the_power_of_ten() -> None:
+    large = modes()
+    large.impulse = 1e9 * large.impulse
+    ax = plots.momentum(large)
+    ax.figure.draw_without_rendering()
+    power = ax.yaxis.get_offset_text()
+    assert power.get_text()
+    assert ax.get_legend().get_window_extent().y0 >= power.get_window_extent().y0 + 5.0
