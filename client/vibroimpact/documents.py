@@ -24,6 +24,9 @@ Kind = Literal[
 """Kinds of computation."""
 
 
+_Continue = TypedDict("_Continue", {"continue": NotRequired[bool | None]})
+
+
 class NaturalFrequenciesRequest(TypedDict):
     """Natural frequencies and mode shapes of the structure between its stops, without damping.
 
@@ -406,7 +409,7 @@ class SlowFlowRequest(TypedDict):
     """
 
 
-class NaturalFrequenciesSweep(TypedDict):
+class NaturalFrequenciesSweep(_Continue):
     """Natural frequencies over a parameter grid: the same number of modes at every point."""
 
     kind: Literal["natural-frequencies"]
@@ -423,7 +426,7 @@ class NaturalFrequenciesSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class ImpactModesSweep(TypedDict):
+class ImpactModesSweep(_Continue):
     """Impact modes over a parameter grid."""
 
     kind: Literal["impact-modes"]
@@ -449,7 +452,7 @@ class ImpactModesSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class ExistenceBandsSweep(TypedDict):
+class ExistenceBandsSweep(_Continue):
     """Existence bands over a parameter grid."""
 
     kind: Literal["existence-bands"]
@@ -461,7 +464,7 @@ class ExistenceBandsSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class ResonancesSweep(TypedDict):
+class ResonancesSweep(_Continue):
     """Internal resonances over a parameter grid."""
 
     kind: Literal["resonances"]
@@ -473,7 +476,7 @@ class ResonancesSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class PeriodicMotionsSweep(TypedDict):
+class PeriodicMotionsSweep(_Continue):
     """Periodic motions over a parameter grid; impacts refer to the solutions of their point."""
 
     kind: Literal["periodic-motions"]
@@ -488,7 +491,7 @@ class PeriodicMotionsSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class AttractorsSweep(TypedDict):
+class AttractorsSweep(_Continue):
     """Attractors over a parameter grid: over one axis, a bifurcation diagram."""
 
     kind: Literal["attractors"]
@@ -500,7 +503,7 @@ class AttractorsSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class TimeHistorySweep(TypedDict):
+class TimeHistorySweep(_Continue):
     """Time histories over a parameter grid."""
 
     kind: Literal["time-history"]
@@ -514,7 +517,7 @@ class TimeHistorySweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class SlowFlowSweep(TypedDict):
+class SlowFlowSweep(_Continue):
     """Slow flows over a parameter grid."""
 
     kind: Literal["slow-flow"]
@@ -1044,13 +1047,13 @@ class AxisPoints(TypedDict):
     start: float
     """First value."""
     stop: float
-    """Last value; not below start."""
+    """Last value; below start, the values descend."""
     num: int
     """Number of values."""
 
 
 class AxisSteps(TypedDict):
-    """Values start, start + step, … up to stop, which is included if a step reaches it.
+    """Values start, start + step, … to stop, which is included if a step reaches it.
 
     They are computed in decimal arithmetic and rounded once, so that a longer or a shifted axis
     with the same step has the same numbers, whose results are reused.
@@ -1067,9 +1070,9 @@ class AxisSteps(TypedDict):
     start: float
     """First value."""
     stop: float
-    """Last value; not below start."""
+    """Last value; below start, the values descend."""
     step: float
-    """Distance between neighbours."""
+    """Difference of neighbours, not 0; negative where stop lies below start."""
 
 
 class RatioDamping(TypedDict):

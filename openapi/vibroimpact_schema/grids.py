@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
@@ -64,7 +65,8 @@ class Grid(Document):
         start, stop, step = (getattr(self, name) for name in ("start", "stop", "step"))
         # A stop that a whole number of steps should reach may be missed by rounding.
         size = max(abs(start), abs(stop))
-        return int(min((stop - start + _ROUNDING * size) / step, LARGEST_INTEGER - 1.0)) + 1
+        reached = stop - start + math.copysign(_ROUNDING * size, step)
+        return int(min(reached / step, LARGEST_INTEGER - 1.0)) + 1
 
 
 def grid_form(value: Any) -> str | None:

@@ -105,7 +105,7 @@ def test_both_encodings_over_http_are_the_same(service: Any) -> None:
         ({"path": "system.constraints.0.gaps", "values": [1]}, 422, "/axes/0/path"),
         ({"path": GAPS, "values": [0.1, -1]}, 422, "/axes/0/values/1"),
         ({"path": GAPS, "start": 1, "stop": 2, "num": 10**7}, 413, "/axes"),
-        ({"path": GAPS, "start": 2, "stop": 1, "num": 3}, 422, "/axes/0/stop"),
+        ({"path": GAPS, "start": 2, "stop": 1, "step": 0.5}, 422, "/axes/0/step"),
         ({"path": GAPS}, 422, "/axes/0/start"),
     ],
 )

@@ -17,6 +17,8 @@ array([ 1.732051, -0.866025])
 """
 
 from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history import continued
+from vibroimpact_solvers.time_history.continued import on_stops
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Harmonic, Load, Sampled
 from vibroimpact_solvers.time_history.many import (
@@ -70,10 +72,12 @@ __all__ = [
     "Tick",
     "Window",
     "check_states",
+    "continued",
     "first_start",
     "follow",
     "join",
     "of_mean_speed",
+    "on_stops",
     "plan",
     "prepare",
     "prepared",
