@@ -87,7 +87,7 @@ class ImpactModesRequest(TypedDict):
     """Relative error allowed; absent: what double precision gives. The error of the result
     says what keeps it.
     """
-    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    frequency: Sequence[float] | FrequencyValues | FrequencyPoints | FrequencySteps
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints with impacts; absent: all."""
     dofs: NotRequired[Sequence[int] | None]
@@ -136,7 +136,7 @@ class ExistenceBandsRequest(TypedDict):
     system: System
     tolerance: NotRequired[float | None]
     """Relative accuracy of the edges; absent: 1e-12."""
-    frequency: FrequencyInterval
+    frequency: Sequence[float] | FrequencyInterval
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints with impacts; absent: all."""
     resolution: NotRequired[float | None]
@@ -187,7 +187,7 @@ class PeriodicMotionsRequest(TypedDict):
     """The drive, in addition to the constant load of the system; empty: free motions of a
     structure without losses.
     """
-    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    frequency: Sequence[float] | FrequencyValues | FrequencyPoints | FrequencySteps
     """Frequencies of the drive."""
     periods: NotRequired[int]
     """Periods of the drive in one period of the motion. Default: 1."""
@@ -258,9 +258,9 @@ class AttractorsRequest(TypedDict):
     """Distance of equal states relative to the amplitude; absent: 1e-6."""
     load: Sequence[DriveTerm]
     """The drive, in addition to the constant load of the system."""
-    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    frequency: Sequence[float] | FrequencyValues | FrequencyPoints | FrequencySteps
     """Frequency of the drive: one value."""
-    initial: InitialStates
+    initial: InitialStates | InitialState | InitialMode | Sequence[InitialState | InitialMode]
     settle: NotRequired[int]
     """Periods of the drive that are left out. Default: 200."""
     observe: NotRequired[int]
@@ -357,7 +357,7 @@ class EnsembleRequest(TypedDict):
     impacts, contacts: tables of all members, concatenated; energy: kinetic and elastic energy
     and that of the constant load [member, time]. Default: ["impacts"].
     """
-    initial: InitialStates
+    initial: InitialStates | InitialState | InitialMode | Sequence[InitialState | InitialMode]
 
 
 class SlowFlowRequest(TypedDict):
@@ -858,12 +858,27 @@ class SequenceStart(TypedDict):
 
 
 class InitialStates(TypedDict):
-    """Initial states of the members of an ensemble, at t = 0."""
+    """Initial states of many motions, at t = 0."""
 
     x: Sequence[Sequence[float]]
-    """Displacements [member, dof]."""
+    """Displacements [motion, dof]."""
     v: Sequence[Sequence[float]]
-    """Velocities [member, dof]."""
+    """Velocities [motion, dof]."""
+
+
+class InitialState(TypedDict):
+    """Displacements and velocities at t = 0."""
+
+    x: Sequence[float]
+    """Displacements [dof], within all limits."""
+    v: Sequence[float]
+    """Velocities [dof]."""
+
+
+class InitialMode(TypedDict):
+    """An impact mode at tau = 0, half-way between its impacts."""
+
+    impact_mode: Member
 
 
 class EqualTimes(TypedDict):
@@ -977,21 +992,6 @@ class PowerLimiter(TypedDict):
     """Force at scale times the gap. Default: 1.0."""
     scale: NotRequired[float]
     """Factor of the gaps. Default: 1.0."""
-
-
-class InitialState(TypedDict):
-    """Displacements and velocities at t = 0."""
-
-    x: Sequence[float]
-    """Displacements [dof], within all limits."""
-    v: Sequence[float]
-    """Velocities [dof]."""
-
-
-class InitialMode(TypedDict):
-    """An impact mode at tau = 0, half-way between its impacts."""
-
-    impact_mode: Member
 
 
 class SlowFlowInitial(TypedDict):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 
+import vibroimpact as vi
 from vibroimpact import plots
 from vibroimpact.sweep_plots import _scale
 
@@ -160,3 +161,16 @@ def test_the_axis_of_branches_says_what_varies() -> None:
     assert over.get_xlabel() == "frequency of the drive (Hz)"
     gap = "system.constraints.0.gap"
     assert plots.branches(branches(gap)).get_xlabel() == gap
+
+
+@pytest.mark.needs("compiled kernels")
+def test_an_ensemble_of_single_states_is_drawn_over_them() -> None:
+    mass = vi.oscillator([vi.constraint(0, 1.0)])
+    states = [{"x": [0.0], "v": [v]} for v in (0.5, 2.0, 3.0)]
+    result = vi.Local().ensemble(mass, initial=states, t_end=5.0)
+    (drawn,) = result.plot().lines
+    np.testing.assert_array_equal(drawn.get_xdata(), [0.5, 2.0, 3.0])
+    np.testing.assert_array_equal(drawn.get_ydata(), result.count.impacts)
+    on_mode = vi.Local().ensemble(mass, initial=1.5, t_end=5.0)
+    with pytest.raises(ValueError, match="start on impact modes"):
+        on_mode.plot()

@@ -303,7 +303,7 @@ def attractors(
 ) -> settled.Problem:
     """Return the problem of attractors."""
     Omega, _ = frequencies(request.frequency, of.units)
-    x, v = initial_states.many(request.initial) if start is None else start
+    x, v = initial_states.many(request.initial, of, meter) if start is None else start
     return settled.Problem(
         of,
         Omega,
@@ -342,7 +342,7 @@ def ensemble(
     request: requests.EnsembleRequest, of: System, meter: Callable[[], None] | None = None
 ) -> ensembles.Problem:
     """Return the problem of an ensemble."""
-    x, v = initial_states.many(request.initial)
+    x, v = initial_states.many(request.initial, of, meter)
     with loads.as_sent(request, of):
         return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
 

@@ -31,6 +31,7 @@ from vibroimpact_solvers.time_history.many import (
     solve_many,
     solve_states,
 )
+from vibroimpact_solvers.time_history.on_mode import state_of
 from vibroimpact_solvers.time_history.parts import Assembly, Part, join
 from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import (
@@ -86,4 +87,5 @@ __all__ = [
     "solve_many",
     "solve_states",
     "split",
+    "state_of",
 ]
