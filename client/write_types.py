@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import json
+import keyword
 import subprocess
 import sys
 import textwrap
@@ -68,7 +69,14 @@ Kind = Literal[{kinds}]
     ends = [
         f'{name} = {" | ".join(parts)}\n"""{about}"""\n' for name, (about, parts) in aliases.items()
     ]
-    return "\n\n".join([head, *classes, "\n".join(ends)])
+    keywords = {
+        field: f"NotRequired[{_type(content, given=True)}]"
+        for name in given
+        for field, content in SCHEMAS[name].get("properties", {}).items()
+        if keyword.iskeyword(field)
+    }
+    bases = [_with_keyword(*each)[1] for each in keywords.items()]
+    return "\n\n".join([head, *bases, *classes, "\n".join(ends)])
 
 
 def _reachable(roots: tuple[str, ...]) -> list[str]:
@@ -97,13 +105,22 @@ def _references(schema: Any) -> Iterator[str]:
 def _document(name: str, *, given: bool) -> str:
     """Return a class; documents that users give take any sequences."""
     schema = SCHEMAS[name]
-    lines = [f"class {name}(TypedDict):", _doc(schema["description"])]
+    base, lines = "TypedDict", [_doc(schema["description"])]
     for field, content in schema["properties"].items():
         kind = "System" if field == "system" else _type(content, given=given)
         if field not in schema.get("required", ()):
             kind = f"NotRequired[{kind}]"
-        lines += [f"    {field}: {kind}", *_about(content.get("description"))]
-    return "\n".join(lines) + "\n"
+        if keyword.iskeyword(field):
+            base = _with_keyword(field, kind)[0]
+        else:
+            lines += [f"    {field}: {kind}", *_about(content.get("description"))]
+    return "\n".join([f"class {name}({base}):", *lines]) + "\n"
+
+
+def _with_keyword(field: str, kind: str) -> tuple[str, str]:
+    """Return a class with a field that no class can name, a keyword of Python: its name and it."""
+    name = f"_{field.capitalize()}"
+    return name, f'{name} = TypedDict("{name}", {{"{field}": {kind}}})\n'
 
 
 def _about(text: str | None) -> list[str]:

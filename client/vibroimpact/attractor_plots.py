@@ -60,22 +60,34 @@ def bifurcation(result: ResultFile, dof: int | None = None, ax: Axes | None = No
     ValueError
         If it is no sweep of attractors over one axis, or sections were not computed.
     """
+    values, heights, across, text = section_over_axis(result, dof)
+    ax = ax or new_axes()
+    ax.plot(values, heights, ".", color=ADMISSIBLE, markersize=1.5, markeredgewidth=0.0)
+    ax.set_xlabel(across)
+    ax.set_ylabel(text)
+    ax.margins(x=0.01)
+    return ax
+
+
+def section_over_axis(result: ResultFile, dof: int | None = None) -> tuple[Array, Array, str, str]:
+    """Return the points of the sections of a sweep: its axis, their heights, and both labels.
+
+    Raises
+    ------
+    ValueError
+        If it is no sweep of attractors over one axis, or sections were not computed.
+    """
     swept = "section_count" in result
     axes = list(result.to_xarray()["status"].dims) if swept else []
     if len(axes) != 1:
         raise ValueError("a bifurcation diagram needs a sweep of attractors over one axis")
-    ax = ax or new_axes()
     first, second = _coordinates(result, dof)
     text, heights = first if "x" in result.section else second
     values = np.repeat(getattr(result, str(axes[0])), result.section_count)
-    ax.plot(values, heights, ".", color=ADMISSIBLE, markersize=1.5, markeredgewidth=0.0)
     path = str(result.request["axes"][0]["path"])
     if path.startswith("frequency."):
         path = frequencies(result, values, "frequency of the drive")[1]
-    ax.set_xlabel(path)
-    ax.set_ylabel(text)
-    ax.margins(x=0.01)
-    return ax
+    return values, heights, path, text
 
 
 def _coordinates(

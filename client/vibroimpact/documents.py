@@ -24,6 +24,9 @@ Kind = Literal[
 """Kinds of computation."""
 
 
+_Continue = TypedDict("_Continue", {"continue": NotRequired[bool | None]})
+
+
 class NaturalFrequenciesRequest(TypedDict):
     """Natural frequencies and mode shapes of the structure between its stops, without damping.
 
@@ -84,7 +87,7 @@ class ImpactModesRequest(TypedDict):
     """Relative error allowed; absent: what double precision gives. The error of the result
     says what keeps it.
     """
-    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    frequency: Sequence[float] | FrequencyValues | FrequencyPoints | FrequencySteps
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints with impacts; absent: all."""
     dofs: NotRequired[Sequence[int] | None]
@@ -133,7 +136,7 @@ class ExistenceBandsRequest(TypedDict):
     system: System
     tolerance: NotRequired[float | None]
     """Relative accuracy of the edges; absent: 1e-12."""
-    frequency: FrequencyInterval
+    frequency: Sequence[float] | FrequencyInterval
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints with impacts; absent: all."""
     resolution: NotRequired[float | None]
@@ -184,7 +187,7 @@ class PeriodicMotionsRequest(TypedDict):
     """The drive, in addition to the constant load of the system; empty: free motions of a
     structure without losses.
     """
-    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    frequency: Sequence[float] | FrequencyValues | FrequencyPoints | FrequencySteps
     """Frequencies of the drive."""
     periods: NotRequired[int]
     """Periods of the drive in one period of the motion. Default: 1."""
@@ -255,9 +258,9 @@ class AttractorsRequest(TypedDict):
     """Distance of equal states relative to the amplitude; absent: 1e-6."""
     load: Sequence[DriveTerm]
     """The drive, in addition to the constant load of the system."""
-    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    frequency: Sequence[float] | FrequencyValues | FrequencyPoints | FrequencySteps
     """Frequency of the drive: one value."""
-    initial: InitialStates
+    initial: InitialStates | InitialState | InitialMode | Sequence[InitialState | InitialMode]
     settle: NotRequired[int]
     """Periods of the drive that are left out. Default: 200."""
     observe: NotRequired[int]
@@ -354,7 +357,7 @@ class EnsembleRequest(TypedDict):
     impacts, contacts: tables of all members, concatenated; energy: kinetic and elastic energy
     and that of the constant load [member, time]. Default: ["impacts"].
     """
-    initial: InitialStates
+    initial: InitialStates | InitialState | InitialMode | Sequence[InitialState | InitialMode]
 
 
 class SlowFlowRequest(TypedDict):
@@ -406,7 +409,7 @@ class SlowFlowRequest(TypedDict):
     """
 
 
-class NaturalFrequenciesSweep(TypedDict):
+class NaturalFrequenciesSweep(_Continue):
     """Natural frequencies over a parameter grid: the same number of modes at every point."""
 
     kind: Literal["natural-frequencies"]
@@ -423,7 +426,7 @@ class NaturalFrequenciesSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class ImpactModesSweep(TypedDict):
+class ImpactModesSweep(_Continue):
     """Impact modes over a parameter grid."""
 
     kind: Literal["impact-modes"]
@@ -449,7 +452,7 @@ class ImpactModesSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class ExistenceBandsSweep(TypedDict):
+class ExistenceBandsSweep(_Continue):
     """Existence bands over a parameter grid."""
 
     kind: Literal["existence-bands"]
@@ -461,7 +464,7 @@ class ExistenceBandsSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class ResonancesSweep(TypedDict):
+class ResonancesSweep(_Continue):
     """Internal resonances over a parameter grid."""
 
     kind: Literal["resonances"]
@@ -473,7 +476,7 @@ class ResonancesSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class PeriodicMotionsSweep(TypedDict):
+class PeriodicMotionsSweep(_Continue):
     """Periodic motions over a parameter grid; impacts refer to the solutions of their point."""
 
     kind: Literal["periodic-motions"]
@@ -488,7 +491,7 @@ class PeriodicMotionsSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class AttractorsSweep(TypedDict):
+class AttractorsSweep(_Continue):
     """Attractors over a parameter grid: over one axis, a bifurcation diagram."""
 
     kind: Literal["attractors"]
@@ -500,7 +503,7 @@ class AttractorsSweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class TimeHistorySweep(TypedDict):
+class TimeHistorySweep(_Continue):
     """Time histories over a parameter grid."""
 
     kind: Literal["time-history"]
@@ -514,7 +517,7 @@ class TimeHistorySweep(TypedDict):
     """What to compute; absent: the outputs of the base."""
 
 
-class SlowFlowSweep(TypedDict):
+class SlowFlowSweep(_Continue):
     """Slow flows over a parameter grid."""
 
     kind: Literal["slow-flow"]
@@ -855,12 +858,27 @@ class SequenceStart(TypedDict):
 
 
 class InitialStates(TypedDict):
-    """Initial states of the members of an ensemble, at t = 0."""
+    """Initial states of many motions, at t = 0."""
 
     x: Sequence[Sequence[float]]
-    """Displacements [member, dof]."""
+    """Displacements [motion, dof]."""
     v: Sequence[Sequence[float]]
-    """Velocities [member, dof]."""
+    """Velocities [motion, dof]."""
+
+
+class InitialState(TypedDict):
+    """Displacements and velocities at t = 0."""
+
+    x: Sequence[float]
+    """Displacements [dof], within all limits."""
+    v: Sequence[float]
+    """Velocities [dof]."""
+
+
+class InitialMode(TypedDict):
+    """An impact mode at tau = 0, half-way between its impacts."""
+
+    impact_mode: Member
 
 
 class EqualTimes(TypedDict):
@@ -976,21 +994,6 @@ class PowerLimiter(TypedDict):
     """Factor of the gaps. Default: 1.0."""
 
 
-class InitialState(TypedDict):
-    """Displacements and velocities at t = 0."""
-
-    x: Sequence[float]
-    """Displacements [dof], within all limits."""
-    v: Sequence[float]
-    """Velocities [dof]."""
-
-
-class InitialMode(TypedDict):
-    """An impact mode at tau = 0, half-way between its impacts."""
-
-    impact_mode: Member
-
-
 class SlowFlowInitial(TypedDict):
     """Initial state of a slow flow, at t = 0; each model uses some of the fields."""
 
@@ -1044,13 +1047,13 @@ class AxisPoints(TypedDict):
     start: float
     """First value."""
     stop: float
-    """Last value; not below start."""
+    """Last value; below start, the values descend."""
     num: int
     """Number of values."""
 
 
 class AxisSteps(TypedDict):
-    """Values start, start + step, … up to stop, which is included if a step reaches it.
+    """Values start, start + step, … to stop, which is included if a step reaches it.
 
     They are computed in decimal arithmetic and rounded once, so that a longer or a shifted axis
     with the same step has the same numbers, whose results are reused.
@@ -1067,9 +1070,9 @@ class AxisSteps(TypedDict):
     start: float
     """First value."""
     stop: float
-    """Last value; not below start."""
+    """Last value; below start, the values descend."""
     step: float
-    """Distance between neighbours."""
+    """Difference of neighbours, not 0; negative where stop lies below start."""
 
 
 class RatioDamping(TypedDict):

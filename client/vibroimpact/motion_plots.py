@@ -73,11 +73,10 @@ def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = No
     Raises
     ------
     ValueError
-        If the states differ in no coordinate or in more than two.
+        If the states differ in no coordinate or in more than two, or are impact modes.
     """
     ax = ax or new_axes()
-    initial = result.request["initial"]
-    x, v = np.array(initial["x"]), np.array(initial["v"])
+    x, v = _initial_states(result.request["initial"])
     columns = [(rf"$x_{{{dof}}}(0)$", x[:, dof]) for dof in range(x.shape[1])]
     columns += [(rf"$v_{{{dof}}}(0)$", v[:, dof]) for dof in range(v.shape[1])]
     varying = [column for column in columns if np.ptp(column[1]) > 0.0]
@@ -99,6 +98,15 @@ def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = No
         ax.set_ylabel(up)
     ax.set_xlabel(across)
     return ax
+
+
+def _initial_states(initial: Any) -> tuple[Array, Array]:
+    """Return displacements and velocities of a request, each shape (motion, dof)."""
+    several = initial if isinstance(initial, list) else [initial]
+    if any("x" not in each for each in several):
+        raise ValueError("motions that start on impact modes have no initial states to draw over")
+    x, v = (np.concatenate([np.atleast_2d(each[name]) for each in several]) for name in ("x", "v"))
+    return x, v
 
 
 def _cells(x: Array, y: Array, values: Array, ax: Axes) -> Any:

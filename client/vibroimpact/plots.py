@@ -10,6 +10,7 @@ import numpy as np
 
 from vibroimpact.attractor_plots import bifurcation, section
 from vibroimpact.branch_lines import branch_lines, special_points, stability_of
+from vibroimpact.hysteresis_plots import hysteresis
 from vibroimpact.motion_plots import (
     basins,
     column_of,
@@ -52,6 +53,7 @@ __all__ = [
     "frequency_energy",
     "harmonics",
     "history",
+    "hysteresis",
     "impulse",
     "mode_plot",
     "momentum",

@@ -66,6 +66,26 @@ def draw(
     return target
 
 
+def over_axis(
+    result: ResultFile, output: str | None = None, at: Mapping[str, float] | None = None
+) -> tuple[Any, Any, str, str]:
+    """Return an output over the one dimension that is left, in its order, and both labels.
+
+    Raises
+    ------
+    ValueError
+        If another number of dimensions is left.
+    """
+    data = result.to_xarray()
+    chosen = output or _first(data)
+    shown = _selected(data[chosen], at or {})
+    if shown.ndim != 1:
+        left = ", ".join(map(str, shown.dims)) or "none"
+        raise ValueError(f"{chosen} over one axis: hold the others fixed by at; left are {left}")
+    x, label = _coordinate(shown, shown.dims[0])
+    return x, shown.values, label, _label(shown)
+
+
 def _slice(shown: xarray.DataArray, at: Mapping[str, float]) -> dict[str, float]:
     """Return what to hold fixed where more than two dimensions are left: value of each.
 

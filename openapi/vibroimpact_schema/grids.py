@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    Discriminator,
+    Field,
+    GetPydanticSchema,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError, core_schema
 
 from vibroimpact_schema.values import (
     LARGEST_INTEGER,
@@ -64,7 +73,8 @@ class Grid(Document):
         start, stop, step = (getattr(self, name) for name in ("start", "stop", "step"))
         # A stop that a whole number of steps should reach may be missed by rounding.
         size = max(abs(start), abs(stop))
-        return int(min((stop - start + _ROUNDING * size) / step, LARGEST_INTEGER - 1.0)) + 1
+        reached = stop - start + math.copysign(_ROUNDING * size, step)
+        return int(min(reached / step, LARGEST_INTEGER - 1.0)) + 1
 
 
 def grid_form(value: Any) -> str | None:
@@ -123,17 +133,52 @@ class FrequencySteps(FrequencyRange):
     step: Positive = Field(description="Distance between neighbours.")
 
 
+def _as_values(values: list[float]) -> FrequencyValues:
+    """Return the document that a bare list stands for."""
+    return FrequencyValues(values=values)
+
+
+def _as_interval(ends: list[float]) -> FrequencyInterval:
+    start, stop = ends
+    if stop <= start:
+        raise PydanticCustomError("reversed_grid", "stop is not above start")
+    return FrequencyInterval(start=start, stop=stop)
+
+
+def _from(given: Any, made: Callable[[Any], Any]) -> GetPydanticSchema:
+    """Return what lets a field be given as another type, of which its value is made."""
+    return GetPydanticSchema(
+        lambda _, handler: core_schema.no_info_after_validator_function(
+            made, handler.generate_schema(given)
+        )
+    )
+
+
+_Listed = Annotated[Positives, Field(min_length=1, description="The frequencies Omega.")]
+_Ends = Annotated[
+    Positives, Field(min_length=2, max_length=2, description="Ends Omega: start and stop.")
+]
+
 FrequencyGrid = Annotated[
-    Annotated[FrequencyValues, Tag("@values")]
+    Annotated[FrequencyValues, _from(_Listed, _as_values), Tag("@list")]
+    | Annotated[FrequencyValues, Tag("@values")]
     | Annotated[FrequencyPoints, Tag("@points")]
     | Annotated[FrequencySteps, Tag("@steps")],
     Discriminator(
-        grid_form,
+        lambda value: "@list" if isinstance(value, list) else grid_form(value),
         custom_error_type="frequency_form",
-        custom_error_message="frequencies are an object with values, with start, stop and num, "
-        "or with start, stop and step",
+        custom_error_message="frequencies are a list, or an object with values, with start, stop "
+        "and num, or with start, stop and step",
     ),
 ]
+"""Frequencies; a list stands for the object with these values."""
+
+FrequencyBand = Annotated[
+    Annotated[FrequencyInterval, _from(_Ends, _as_interval), Tag("@list")]
+    | Annotated[FrequencyInterval, Tag("@interval")],
+    Discriminator(lambda value: "@list" if isinstance(value, list) else "@interval"),
+]
+"""All frequencies between two, also as a pair."""
 
 
 class TimeValues(Grid):

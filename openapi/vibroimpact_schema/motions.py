@@ -58,23 +58,47 @@ States = Annotated[
 
 
 class InitialStates(Document):
-    """Initial states of the members of an ensemble, at t = 0."""
+    """Initial states of many motions, at t = 0."""
 
-    x: States = Field(description="Displacements [member, dof].")
-    v: States = Field(description="Velocities [member, dof].")
+    x: States = Field(description="Displacements [motion, dof].")
+    v: States = Field(description="Velocities [motion, dof].")
 
     @field_validator("x", "v")
     @classmethod
     def _even(cls, rows: list[list[float]]) -> list[list[float]]:
         if any(len(row) != len(rows[0]) for row in rows):
-            raise PydanticCustomError("wrong_length", "all members need as many numbers")
+            raise PydanticCustomError("wrong_length", "all motions need as many numbers")
         return rows
 
     @model_validator(mode="after")
     def _pairs(self) -> Self:
         if len(self.x) != len(self.v):
-            raise PydanticCustomError("wrong_length", "x and v need as many members")
+            raise PydanticCustomError("wrong_length", "x and v need as many motions")
         return self
+
+
+def _states_form(value: Any) -> str | None:
+    """Return the tag of the form of initial states."""
+    if isinstance(value, list):
+        return "@list"
+    x = value.get("x") if isinstance(value, dict) else getattr(value, "x", None)
+    one = isinstance(x, list) and bool(x) and not isinstance(x[0], list)
+    return form(value, {"impact_mode": "@mode"}, "@state" if one else "@states")
+
+
+Initials = Annotated[
+    Annotated[InitialStates, Tag("@states")]
+    | Annotated[InitialState, Tag("@state")]
+    | Annotated[InitialMode, Tag("@mode")]
+    | Annotated[list[Initial], Field(min_length=1, fail_fast=True), Tag("@list")],
+    Discriminator(
+        _states_form,
+        custom_error_type="initial_form",
+        custom_error_message="initial states are an object with x and v, of one motion or of "
+        "many, or with impact_mode, or a list of such objects for one motion each",
+    ),
+]
+"""Initial states of many motions."""
 
 
 class HarmonicLoad(Document):

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from vibroimpact_schema.grids import (
+    FrequencyBand,
     FrequencyGrid,
-    FrequencyInterval,
     FrequencyUnit,
     TimeGrid,
     Times,
@@ -17,7 +17,7 @@ from vibroimpact_schema.grids import (
 from vibroimpact_schema.motions import (
     DriveTerm,
     Initial,
-    InitialStates,
+    Initials,
     Limiter,
     MotionLoad,
     Sequence,
@@ -167,7 +167,7 @@ class ExistenceBandsRequest(ComputationRequest):
     solutions between all poles are examined, and the result states which width could be missed.
     """
 
-    frequency: FrequencyInterval
+    frequency: FrequencyBand
     active: Annotated[Indices, Field(min_length=1)] | None = Field(
         None, description="Indices of the constraints with impacts; absent: all."
     )
@@ -270,7 +270,7 @@ class EnsembleRequest(MotionRequest):
     computed. To vary anything else, use a sweep.
     """
 
-    initial: InitialStates
+    initial: Initials
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
         description="Outputs; only these are computed. "
@@ -361,7 +361,7 @@ class AttractorsRequest(ComputationRequest):
         description="The drive, in addition to the constant load of the system."
     )
     frequency: FrequencyGrid = Field(description="Frequency of the drive: one value.")
-    initial: InitialStates
+    initial: Initials
     settle: Annotated[int, Field(strict=True, ge=0, le=1_000_000)] = Field(
         200, description="Periods of the drive that are left out."
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, Final, Generic, Literal, Self, TypeVar
 
 from pydantic import (
     ConfigDict,
@@ -11,6 +11,7 @@ from pydantic import (
     Field,
     RootModel,
     Tag,
+    ValidationInfo,
     field_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -19,7 +20,7 @@ from vibroimpact_schema import grids, requests
 from vibroimpact_schema.requests import ComputationRequest
 from vibroimpact_schema.results import Result
 from vibroimpact_schema.systems import AnySystem, SystemReference
-from vibroimpact_schema.values import Count, Document, Number, Positive
+from vibroimpact_schema.values import Count, Document, Number
 
 Base = TypeVar("Base", bound=ComputationRequest)
 Output = TypeVar("Output", bound=str)
@@ -51,12 +52,10 @@ class AxisValues(Axis):
 
 
 class AxisRange(Axis):
-    """Fields of axes between two values."""
+    """Fields of axes between two values, which may descend."""
 
     start: Number = Field(description="First value.")
-    stop: Number = Field(description="Last value; not below start.")
-
-    _forwards = field_validator("stop")(grids.forwards)
+    stop: Number = Field(description="Last value; below start, the values descend.")
 
 
 class AxisPoints(AxisRange):
@@ -68,13 +67,29 @@ class AxisPoints(AxisRange):
 
 
 class AxisSteps(AxisRange):
-    """Values start, start + step, … up to stop, which is included if a step reaches it.
+    """Values start, start + step, … to stop, which is included if a step reaches it.
 
     They are computed in decimal arithmetic and rounded once, so that a longer or a shifted axis
     with the same step has the same numbers, whose results are reused.
     """
 
-    step: Positive = Field(description="Distance between neighbours.")
+    step: Number = Field(
+        description="Difference of neighbours, not 0; negative where stop lies below start.",
+    )
+
+    @field_validator("step")
+    @classmethod
+    def _towards(cls, step: float, info: ValidationInfo) -> float:
+        start, stop = info.data.get("start"), info.data.get("stop")
+        if step == 0.0:
+            raise PydanticCustomError("step_zero", "must not be 0")
+        if start is not None and stop is not None and (stop - start) * step < 0.0:
+            sides = ("below", "negative") if stop < start else ("above", "positive")
+            message = "stop lies {side} start: the step must be {sign}"
+            raise PydanticCustomError(
+                "reversed_grid", message, {"side": sides[0], "sign": sides[1]}
+            )
+        return step
 
 
 AnyAxis = AxisValues | AxisPoints | AxisSteps
@@ -91,8 +106,14 @@ AxisDocument = Annotated[
 ]
 
 
+CONTINUED: Final = ("attractors", "time-history")
+"""Kinds whose sweeps may start each point where the last ended."""
+
+
 class SweepOf(Document, Generic[Base, Output]):
     """Fields of the sweeps of all kinds."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
 
     kind: str
     base: Base = Field(description="The request whose fields vary.")
@@ -102,6 +123,25 @@ class SweepOf(Document, Generic[Base, Output]):
     outputs: Annotated[list[Output], Field(min_length=1, fail_fast=True)] | None = Field(
         None, description="What to compute; absent: the outputs of the base."
     )
+
+    continue_: bool | None = Field(
+        None,
+        alias="continue",
+        description="Whether each point starts where the last ended, along the first axis, as in a "
+        "test on a shaker: of attractors and time-history. The base's initial state is that of the "
+        "first point; in time histories the phases of harmonic loads run on. Absent: each point is "
+        "what it is alone.",
+    )
+
+    @field_validator("continue_")
+    @classmethod
+    def _possible(cls, value: bool | None, info: ValidationInfo) -> bool | None:
+        kind = info.data.get("kind", "")
+        if value and kind not in CONTINUED:
+            message = "only sweeps of {kinds} start points where the last ended, not of {kind}"
+            details = {"kinds": " and ".join(CONTINUED), "kind": kind}
+            raise PydanticCustomError("not_continued", message, details)
+        return value or None
 
     @field_validator("base")
     @classmethod

@@ -160,6 +160,8 @@ def test_the_sweeps_page() -> None:
     names = _run("docs/sweeps.md", *coarser, ("progress=True", "progress=False"))
     assert names["data"].impact_count.dims == ("gap", "restitution", "frequency")
     assert names["one"].time.size > 0
+    up, down = ((each.attractor.impacts > 0).sum() for each in (names["up"], names["down"]))
+    assert up > down > 0
 
 
 def test_the_plots_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

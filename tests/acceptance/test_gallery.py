@@ -21,7 +21,7 @@ from vibroimpact import gallery
 mpl.use("Agg")
 
 CHAPTER = [2, 3, 5, 6, 8, 9, 10, 11, *range(13, 21), 22]
-DRIVEN = ["absorber", "beam", "bifurcation", "oscillator"]
+DRIVEN = ["absorber", "beam", "bifurcation", "hysteresis", "oscillator"]
 
 
 @pytest.fixture(scope="module")

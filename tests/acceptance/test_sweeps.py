@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,42 @@ def test_impacts_of_one_history_are_cut_out(client: vi.Client) -> None:
         result.rows("impacts", gap=0.5)
 
 
+def test_a_continued_job_goes_up_and_down_as_a_loop_of_requests(client: vi.Client) -> None:
+    def structure(restitution: float) -> dict[str, Any]:
+        return vi.oscillator([vi.constraint(0, 0.5, restitution)], Omega0=1.0, zeta=0.05)
+
+    def load(amplitude: float, phase: float) -> list[Any]:
+        return [vi.harmonic(0, amplitude, 1.3, phase)]
+
+    t_end, more = 15.0, {"t": [15.0], "outputs": ["x", "v", "impacts"]}
+    base = vi.time_history_request(
+        structure(0.8), ([0.0], [0.0]), t_end, load=load(0.1, 0.0), **more
+    )
+    up = [0.1, 0.3, 0.5]
+    amplitudes = [*up, *reversed(up[:-1])]
+    axes = {"load.0.amplitude": amplitudes, "system.constraints.0.restitution": [0.6, 0.8]}
+    request = vi.sweep_request("time-history", base, axes, continued=True)
+    result = client.submit("sweep", request).wait(120).result()
+    assert set(np.unique(result.status)) == {"ok"}
+    for j, restitution in enumerate((0.6, 0.8)):
+        state: Any = ([0.0], [0.0])
+        phase = 0.0
+        for i, amplitude in enumerate(amplitudes):
+            loads = load(amplitude, phase)
+            alone = client.time_history(structure(restitution), state, t_end, load=loads, **more)
+            np.testing.assert_array_equal(result.x[i, j], alone.x)
+            assert result.impact_count[i, j] == alone.count.impacts
+            state, phase = (
+                (alone.x[-1], alone.v[-1]),
+                math.remainder(phase + 1.3 * t_end, 2 * math.pi),
+            )
+    # The same amplitude on the way up and down: not the same motion.
+    assert (result.x[0] != result.x[4]).all()
+    refused = vi.sweep_request("impact-modes", BASE, {GAPS: [0.1, 0.2]}, continued=True)
+    with pytest.raises(vi.ServerError, match="only sweeps of attractors and time-history"):
+        client.compute("sweep", refused)
+
+
 def test_both_encodings_over_http_are_the_same(service: Any) -> None:
     request = vi.sweep_request("impact-modes", BASE, {GAPS: [0.1, 0.2]})
     answer = service.http.post("/v1/compute/sweep", json=request)
@@ -105,7 +142,7 @@ def test_both_encodings_over_http_are_the_same(service: Any) -> None:
         ({"path": "system.constraints.0.gaps", "values": [1]}, 422, "/axes/0/path"),
         ({"path": GAPS, "values": [0.1, -1]}, 422, "/axes/0/values/1"),
         ({"path": GAPS, "start": 1, "stop": 2, "num": 10**7}, 413, "/axes"),
-        ({"path": GAPS, "start": 2, "stop": 1, "num": 3}, 422, "/axes/0/stop"),
+        ({"path": GAPS, "start": 2, "stop": 1, "step": 0.5}, 422, "/axes/0/step"),
         ({"path": GAPS}, 422, "/axes/0/start"),
     ],
 )

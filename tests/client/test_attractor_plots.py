@@ -51,3 +51,35 @@ def test_a_sweep_is_drawn_as_a_bifurcation_diagram(local: vi.Local) -> None:
     np.testing.assert_array_equal(ax.lines[0].get_xdata(), [2.0, 4.0, 4.0])
     with pytest.raises(ValueError, match="sweep of attractors over one axis"):
         vi.plots.bifurcation(local.attractors(MASS, 2.0, LOAD, X, V, settle=50, observe=50))
+
+
+@pytest.mark.needs("compiled kernels")
+def test_sweeps_up_and_down_are_drawn_over_each_other(local: vi.Local) -> None:
+    wall = vi.constraint(0, {"lower": None, "upper": 0.5}, 0.8)
+    base = vi.attractors_request(
+        vi.oscillator([wall], zeta=0.05), 1.0, [vi.drive(0, 0.25)], initial=([0.0], [0.0]),
+        settle=40, observe=32, outputs=["section"],
+    )  # fmt: skip
+    up, down = (
+        local.sweep("attractors", base, {"frequency.values.0": values}, continued=True)
+        for values in ((1.1, 1.4, 11), (1.4, 1.1, 11))
+    )
+    ax = vi.plots.hysteresis(up, down)
+    labels = [line.get_label() for line in ax.lines]
+    assert labels == ["ascending", "descending"]
+    for line, result in zip(ax.lines, (up, down), strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), result.section.x[:, 0])
+    assert not np.array_equal(up.section.x, down.section.x[::-1])
+    history = vi.time_history_request(
+        vi.oscillator([wall], zeta=0.05), ([0.0], [0.0]), 20.0, load=[vi.harmonic(0, 0.25, 1.2)]
+    )
+    back = {"load.0.amplitude": [0.5, 0.3, 0.1]}
+    swept = [
+        local.sweep("time-history", history, axes, outputs=["impacts"], continued=True)
+        for axes in (back, {"load.0.amplitude": [0.1, 0.3, 0.5]})
+    ]
+    ax = vi.plots.hysteresis(swept[1], swept[0], "impact_count")
+    np.testing.assert_array_equal(ax.lines[1].get_xdata(), [0.5, 0.3, 0.1])
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), swept[1].impact_count)
+    with pytest.raises(ValueError, match=r"status over one axis: .* left are none"):
+        vi.plots.hysteresis(*swept, "status", at={"amplitude": 0.3})

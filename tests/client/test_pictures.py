@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 
+import vibroimpact as vi
 from vibroimpact import plots
 from vibroimpact.sweep_plots import _scale
 
@@ -220,3 +221,16 @@ def test_legends_stand_above_the_power_of_ten() -> None:
     power = ax.yaxis.get_offset_text()
     assert power.get_text()
     assert ax.get_legend().get_window_extent().y0 >= power.get_window_extent().y0 + 5.0
+
+
+@pytest.mark.needs("compiled kernels")
+def test_an_ensemble_of_single_states_is_drawn_over_them() -> None:
+    mass = vi.oscillator([vi.constraint(0, 1.0)])
+    states = [{"x": [0.0], "v": [v]} for v in (0.5, 2.0, 3.0)]
+    result = vi.Local().ensemble(mass, initial=states, t_end=5.0)
+    (drawn,) = result.plot().lines
+    np.testing.assert_array_equal(drawn.get_xdata(), [0.5, 2.0, 3.0])
+    np.testing.assert_array_equal(drawn.get_ydata(), result.count.impacts)
+    on_mode = vi.Local().ensemble(mass, initial=1.5, t_end=5.0)
+    with pytest.raises(ValueError, match="start on impact modes"):
+        on_mode.plot()

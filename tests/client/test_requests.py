@@ -14,6 +14,8 @@ import vibroimpact as vi
 from vibroimpact import client, plots
 from vibroimpact.computations import Computations
 from vibroimpact_schema.requests import (
+    AttractorsRequest,
+    EnsembleRequest,
     ExistenceBandsRequest,
     ImpactModesRequest,
     ResonancesRequest,
@@ -143,3 +145,57 @@ def test_a_range_of_bands_is_two_numbers_or_a_pair() -> None:
     for wrong in (1.0, (1.0, 2.0, 3.0)):
         with pytest.raises(TypeError, match="two ends"):
             vi.existence_bands_request(CHAIN, wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (([0.0, 0.1], [1.0, 0.0]), {"x": [[0.0, 0.1]], "v": [[1.0, 0.0]]}),
+        (([[0.0, 0.1]], [[1.0, 0.0]]), {"x": [[0.0, 0.1]], "v": [[1.0, 0.0]]}),
+        ({"x": [0.0, 0.1], "v": [1.0, 0.0]}, {"x": [0.0, 0.1], "v": [1.0, 0.0]}),
+        (1.5, {"impact_mode": {"Omega": 1.5}}),
+        ([{"impact_mode": {"Omega": 1.5}}], [{"impact_mode": {"Omega": 1.5}}]),
+    ],
+)
+def test_many_motions_take_initial_states_as_one_does(given: Any, expected: Any) -> None:
+    drive = [vi.drive(0, 1.0)]
+    for request, schema in (
+        (vi.ensemble_request(CHAIN, t_end=1.0, initial=given), EnsembleRequest),
+        (vi.attractors_request(CHAIN, 2.0, drive, initial=given), AttractorsRequest),
+    ):
+        assert request["initial"] == expected
+        schema.model_validate(request)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "message"),
+    [
+        ((), {"t_end": 1.0}, "give x and v, or initial"),
+        (([0.0], [1.0], 1.0), {"initial": 1.5}, "give x and v, or initial"),
+        (([0.0],), {"t_end": 1.0}, "x and v go together"),
+        (([0.0], [1.0]), {}, "t_end is missing"),
+        ((), {"t_end": 1.0, "initial": [1.0, 2.0, 3.0]}, "initial must be"),
+        ((), {"t_end": 1.0, "initial": "rest"}, "initial must be"),
+    ],
+)
+def test_initial_states_that_are_none(arguments: Any, options: Any, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        vi.ensemble_request(CHAIN, *arguments, **options)
+
+
+def test_the_frequency_of_attractors_is_given_as_those_of_other_kinds() -> None:
+    drive, at = [vi.drive(0, 1.0)], ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    asked = [vi.attractors_request(CHAIN, f, drive, *at) for f in (2.0, [2.0], {"values": [2.0]})]
+    assert asked[0] == asked[1]
+    assert {*map(str, map(AttractorsRequest.model_validate, asked))} == {
+        str(AttractorsRequest.model_validate(asked[0]))
+    }
+    in_hz = vi.attractors_request(CHAIN, 2.0, drive, *at, unit="Hz")
+    assert in_hz["frequency"] == {"unit": "Hz", "values": [2.0]}
+
+
+def test_sweeps_are_continued_by_a_word() -> None:
+    base = vi.time_history_request(CHAIN, ([0.0], [1.0]), 1.0)
+    axes = {"t_end": {"start": 2.0, "stop": 1.0, "step": -0.5}}
+    assert vi.sweep_request("time-history", base, axes, continued=True)["continue"] is True
+    assert "continue" not in vi.sweep_request("time-history", base, axes)

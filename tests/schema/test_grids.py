@@ -58,7 +58,9 @@ def test_a_step_that_divides_the_range_meets_its_end(steps: int, start: int, par
         ({"stop": 2, "step": 0.1}, "missing", ("start",)),
         ({"start": 1, "stop": 2, "num": 3, "step": 1}, "extra_forbidden", ("num",)),
         ({"start": 1, "stop": 2, "num": 3, "unit": "Bq"}, "literal_error", ("unit",)),
-        ([1, 2], "frequency_form", ()),
+        ([1, 0], "greater_than", (1,)),
+        ([], "too_short", ()),
+        (1.5, "frequency_form", ()),
     ],
 )
 def test_faults_name_their_place(document: Any, kind: str, place: tuple[Any, ...]) -> None:
@@ -67,3 +69,19 @@ def test_faults_name_their_place(document: Any, kind: str, place: tuple[Any, ...
     first = caught.value.errors()[0]
     found = tuple(part for part in first["loc"] if not str(part).startswith("@"))
     assert (first["type"], found) == (kind, place)
+
+
+def test_a_list_stands_for_the_object_with_these_values() -> None:
+    listed, written = (GRID.validate_python(each) for each in ([2, 1.5], {"values": [2, 1.5]}))
+    assert listed == written
+    assert GRID.dump_json(listed) == GRID.dump_json(written)
+    assert GRID.dump_python(listed) == {"unit": "Omega", "values": [2.0, 1.5]}
+
+
+def test_a_pair_stands_for_a_range() -> None:
+    band: TypeAdapter[Any] = TypeAdapter(grids.FrequencyBand)
+    assert band.validate_python([1, 2]) == band.validate_python({"start": 1, "stop": 2})
+    for wrong, kind in (([2, 1], "reversed_grid"), ([1], "too_short"), ([1, 2, 3], "too_long")):
+        with pytest.raises(ValidationError) as caught:
+            band.validate_python(wrong)
+        assert caught.value.errors()[0]["type"] == kind

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         "existence-bands",
         "resonances",
         "periodic-motions",
+        "attractors",
         "time-history",
         "slow-flow",
     ]
@@ -165,6 +166,7 @@ class Computations(
         axes: Mapping[str, Values],
         outputs: Sequence[str] | None = None,
         *,
+        continued: bool = False,
         progress: bool = False,
     ) -> Grid:
         """Compute a request at every point of a parameter grid.
@@ -179,10 +181,14 @@ class Computations(
             A request of that kind, for example from `impact_modes_request`.
         axes : mapping
             Path of a number in the base -> its values: an array, (start, stop, num), or a
-            dictionary with start, stop and step. The axes are the first dimensions of the
-            results, in this order.
+            dictionary with start, stop and step; they may descend. The axes are the first
+            dimensions of the results, in this order.
         outputs : sequence of str, optional
             Quantities to compute; default: the outputs of the base.
+        continued : bool
+            Start each point where the last ended, along the first axis, as a test on a shaker
+            does: of attractors and time histories. The base's initial state is that of the first
+            point, and in time histories the phases of harmonic loads run on.
         progress : bool
             Show a progress bar while a job runs.
         """
@@ -193,5 +199,7 @@ class Computations(
         }
         if outputs is not None:
             request["outputs"] = names(outputs)
+        if continued:
+            request["continue"] = True
         answer: Grid = self._compute("sweep", request, progress=progress)
         return answer

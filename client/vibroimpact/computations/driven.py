@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from vibroimpact import arguments
 from vibroimpact.arguments import names
 from vibroimpact.computations.base import AnyComputation
-from vibroimpact.computations.fields import drive_terms, indices, integer, number, present, values
+from vibroimpact.computations.fields import (
+    drive_terms,
+    indices,
+    initial_states,
+    integer,
+    number,
+    present,
+    values,
+)
 from vibroimpact.grids import frequencies
 
 if TYPE_CHECKING:
@@ -16,7 +24,7 @@ if TYPE_CHECKING:
 
     from vibroimpact import documents
     from vibroimpact.arguments import Document
-    from vibroimpact.computations.fields import Values
+    from vibroimpact.computations.fields import Initials, Values
 
 Motions = TypeVar("Motions")
 Curves = TypeVar("Curves")
@@ -147,11 +155,13 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
     def attractors(
         self,
         system: documents.System,
-        frequency: float | Mapping[str, Any],
+        frequency: float | Sequence[float] | Mapping[str, Any],
         load: Sequence[documents.DriveTerm],
-        x: ArrayLike,
-        v: ArrayLike,
+        x: ArrayLike | None = None,
+        v: ArrayLike | None = None,
         *,
+        initial: Initials | None = None,
+        unit: str = "Omega",
         settle: int | None = None,
         observe: int | None = None,
         longest: int | None = None,
@@ -169,11 +179,15 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         system : dict
             The structure, with damping or losses at its stops.
         frequency : float or dict
-            Frequency of the drive.
+            Frequency of the drive, Omega, or in Hz or rpm with ``unit="Hz"`` or ``unit="rpm"``; a
+            list has one.
         load : sequence of dict
             The drive, from `drive`.
         x, v : array, shape (motion, dof)
             Displacements and velocities at t = 0, the drive's phase 0.
+        initial : (x, v) or float or dict or sequence of dict, optional
+            In place of x and v: the same as one argument, as `time_history` takes it; of several
+            dictionaries, each with x and v or with an impact mode, each is a motion.
         settle, observe : int, optional
             Periods of the drive that are left out, and those looked at after them; default: 200
             and 400.
@@ -195,10 +209,8 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         request: Document = {
             "system": dict(system),
             "load": drive_terms(load),
-            "frequency": dict(frequency)
-            if isinstance(frequency, Mapping)
-            else {"values": [arguments.number("frequency", frequency)]},
-            "initial": {name: arguments.rows(name, given) for name, given in (("x", x), ("v", v))},
+            "frequency": frequencies(frequency, unit),
+            "initial": initial_states(x, v, initial),
         }
         options = present(
             settle=integer("settle", settle),

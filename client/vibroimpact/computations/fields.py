@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     Values = ArrayLike | Mapping[str, object]
     """An array, (start, stop, num), or a document with start, stop and num or step."""
     Initial = documents.InitialState | documents.InitialMode | float | tuple[ArrayLike, ArrayLike]
+    Initials = (
+        Initial | documents.InitialStates | Sequence[documents.InitialState | documents.InitialMode]
+    )
 
 
 def present(**fields: Any) -> Document:
@@ -79,3 +82,26 @@ def initial_state(initial: Initial) -> Document:
         )
     x, v = initial
     return {"x": values("x", x), "v": values("v", v)}
+
+
+def initial_states(x: Any, v: Any, initial: Any) -> Any:
+    """Return the initial states of many motions, given as x and v or as one argument."""
+    if (initial is None) == (x is None and v is None):
+        raise TypeError("give x and v, or initial: the states from which the motions start")
+    if initial is None:
+        if x is None or v is None:
+            raise TypeError("x and v go together: displacements and velocities")
+        return {name: arguments.rows(name, given) for name, given in (("x", x), ("v", v))}
+    if isinstance(initial, Mapping):
+        return dict(initial)
+    if isinstance(initial, int | float):
+        return initial_state(initial)
+    several = isinstance(initial, Sequence) and not isinstance(initial, str | bytes)
+    if several and initial and all(isinstance(each, Mapping) for each in initial):
+        return [dict(each) for each in initial]
+    if not hasattr(initial, "__len__") or len(initial) != 2:
+        raise TypeError(
+            "initial must be (x, v), displacements and velocities, a document, a list of "
+            f"documents, or the frequency of an impact mode, not {initial!r:.60}"
+        )
+    return initial_states(initial[0], initial[1], None)

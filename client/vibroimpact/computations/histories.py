@@ -11,6 +11,7 @@ from vibroimpact.computations.base import AnyComputation
 from vibroimpact.computations.fields import (
     indices,
     initial_state,
+    initial_states,
     integer,
     number,
     output_times,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from vibroimpact import documents
     from vibroimpact.arguments import Document
-    from vibroimpact.computations.fields import Initial, Values
+    from vibroimpact.computations.fields import Initial, Initials, Values
 
     Load = (
         documents.HarmonicLoad
@@ -107,10 +108,11 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
     def ensemble(
         self,
         system: documents.System,
-        x: ArrayLike,
-        v: ArrayLike,
-        t_end: float,
+        x: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        t_end: float | None = None,
         *,
+        initial: Initials | None = None,
         t: Values | None = None,
         outputs: Sequence[str] | None = None,
         dofs: Sequence[int] | None = None,
@@ -131,13 +133,17 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
             Displacements and velocities at t = 0.
         t_end : float
             Duration of the motions.
+        initial : (x, v) or float or dict or sequence of dict, optional
+            In place of x and v: the same as one argument, as `time_history` takes it; of several
+            dictionaries, each with x and v or with an impact mode, each is a motion.
         t, outputs, dofs, load, limiter, method, tolerance
             As for `time_history`; they hold for all members.
         """
-        states = {name: arguments.rows(name, given) for name, given in (("x", x), ("v", v))}
+        if t_end is None:
+            raise TypeError("t_end is missing, the duration of the motions")
         request = _motion(
             system,
-            states,
+            initial_states(x, v, initial),
             t_end,
             t=t,
             outputs=outputs,

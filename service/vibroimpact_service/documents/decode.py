@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from vibroimpact_schema import laws, motions, requests, systems
-from vibroimpact_service.documents import damped, derivative_paths, digest, loads
+from vibroimpact_service.documents import damped, derivative_paths, digest, initial_states, loads
 from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import attractors as settled
@@ -179,7 +179,13 @@ def _law(document: laws.RigidLaw | laws.LinearLaw) -> Law:
         raise error.under("law") from None
 
 
-def problem(kind: Kind, request: Any, of: System, meter: Callable[[], None] | None = None) -> Any:
+def problem(
+    kind: Kind,
+    request: Any,
+    of: System,
+    meter: Callable[[], None] | None = None,
+    start: Any = None,
+) -> Any:
     """Return the problem of a request of a kind, for its solver.
 
     Parameters
@@ -188,15 +194,19 @@ def problem(kind: Kind, request: Any, of: System, meter: Callable[[], None] | No
         The system is that of the request.
     meter : callable, optional
         Called while checks go on that may take long; may raise to end them.
+    start : optional
+        What motions start from in place of the initial state of the request, as the `start` of
+        `vibroimpact_solvers.sweep.kinds.Continued` returns it.
 
     Raises
     ------
     ModelError
         With the pointer inside the request.
     """
+    options: dict[str, Any] = {} if start is None else {"start": start}
     if isinstance(request, _OF_MANY_STATES):
-        return globals()[kind.identifier](request, of, meter)
-    return globals()[kind.identifier](request, of)
+        options["meter"] = meter
+    return globals()[kind.identifier](request, of, **options)
 
 
 _OF_MANY_STATES: Final = (requests.AttractorsRequest, requests.EnsembleRequest)
@@ -286,15 +296,19 @@ def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> dr
 
 
 def attractors(
-    request: requests.AttractorsRequest, of: System, meter: Callable[[], None] | None = None
+    request: requests.AttractorsRequest,
+    of: System,
+    meter: Callable[[], None] | None = None,
+    start: tuple[Floats, Floats] | None = None,
 ) -> settled.Problem:
     """Return the problem of attractors."""
     Omega, _ = frequencies(request.frequency, of.units)
+    x, v = initial_states.many(request.initial, of, meter) if start is None else start
     return settled.Problem(
         of,
         Omega,
-        np.array(request.initial.x),
-        np.array(request.initial.v),
+        x,
+        v,
         tuple(loads.force(term, place, of) for place, term in enumerate(request.load)),
         request.settle,
         request.observe,
@@ -315,14 +329,11 @@ def _rows(rows: Sequence[Sequence[float]], where: tuple[str, ...]) -> Floats:
     return np.array(rows, dtype=np.float64)
 
 
-def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.Problem:
+def time_history(
+    request: requests.TimeHistoryRequest, of: System, start: histories.State | None = None
+) -> histories.Problem:
     """Return the problem of a time history."""
-    initial: histories.State | histories.ImpactMode
-    match request.initial:
-        case motions.InitialState(x=x, v=v):
-            initial = histories.State(np.array(x), np.array(v))
-        case motions.InitialMode(impact_mode=mode):
-            initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
+    initial = initial_states.one(request.initial) if start is None else start
     with loads.as_sent(request, of):
         return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
 
@@ -331,7 +342,7 @@ def ensemble(
     request: requests.EnsembleRequest, of: System, meter: Callable[[], None] | None = None
 ) -> ensembles.Problem:
     """Return the problem of an ensemble."""
-    x, v = np.array(request.initial.x), np.array(request.initial.v)
+    x, v = initial_states.many(request.initial, of, meter)
     with loads.as_sent(request, of):
         return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
 

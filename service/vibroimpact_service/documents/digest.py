@@ -22,8 +22,10 @@ _SOURCES: Final = (
     "vibroimpact_service.documents.decode",
     "vibroimpact_service.documents.derivative_paths",
     "vibroimpact_service.documents.grid_values",
+    "vibroimpact_service.documents.initial_states",
     "vibroimpact_service.documents.loads",
     "vibroimpact_service.documents.sweep_axes",
+    "vibroimpact_service.documents.sweep_names",
     "vibroimpact_service.documents.varying",
 )
 """Packages and modules on which the numbers of results depend."""

@@ -43,7 +43,7 @@ def decimal_steps(start: float, step: float, count: int) -> Floats | None:
     if places > 22:  # beyond it the denominator would be rounded
         return None
     begin, by = int(first.scaleb(places)), int(each.scaleb(places))
-    if max(abs(begin), by, abs(begin + by * (count - 1))) >= 2**53:
+    if max(abs(begin), abs(by), abs(begin + by * (count - 1))) >= 2**53:
         return None
     values: Floats = (begin + by * np.arange(count)).astype(np.float64) / 10.0**places
     return values

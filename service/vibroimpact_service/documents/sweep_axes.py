@@ -13,25 +13,17 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_schema import grids, sweeps, systems
-from vibroimpact_service.documents import decode
+from vibroimpact_service.documents import decode, sweep_names
 from vibroimpact_service.documents.grid_values import decimal_steps, grid_values
 from vibroimpact_service.documents.varying import OTHER_SIZE, Path, Varying, number, replaced
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers import sweep
-from vibroimpact_solvers.arrays import Floats, declared
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, System
 
 Index = tuple[int, ...]
 
-_RESERVED: Final = frozenset(
-    {"kind", "digest", "plan", "provenance", "error", "axes", "of", "dimensions", "status"}
-)
-_VAGUE: Final = frozenset(
-    {"lower", "upper", "values", "start", "stop", "step", "num"}
-    | {"diagonal", "bands", "data", "scalar", "weights"}
-)
-"""Names that tell nothing without the one before."""
 _VALUES_TRIED: Final = 64
 """Values of an axis that are tried before the sweep is accepted: the least, the greatest, and some
 between, as what a field permits is an interval. What is wrong with others is said at their points.
@@ -81,9 +73,19 @@ def problem(
     most = max(2, min(_VALUES_TRIED, points // (4 * len(request.root.axes))))
     axes = [_axis(base, place, axis, most) for place, axis in enumerate(request.root.axes)]
     _check_different(axes)
-    _Grid(kind, _thinned(base, axes), axes, system).check(meter, points)
-    grid = _Grid(kind, base, axes, system)
-    return sweep.Problem(kind, tuple(_described(kind, base, axes)), grid.at, system)
+    linked = bool(request.root.continue_)
+    if linked and axes[0].path[0] == "initial":
+        message = "each point along the first axis starts where the last ended: vary another number"
+        raise ModelError(("axes", 0, "path"), message, code="not_continued")
+    _Grid(kind, _thinned(base, axes), axes, system, linked).check(meter, points)
+    grid = _Grid(kind, base, axes, system, linked)
+    return sweep.Problem(
+        kind,
+        tuple(_described(kind, base, axes)),
+        grid.at,
+        system,
+        follow=grid.follow if linked else None,
+    )
 
 
 # -- Values -------------------------------------------------------------------------------
@@ -196,13 +198,13 @@ def _thinned(base: Any, axes: Sequence[_Axis]) -> Any:
     return base.model_copy(update={"frequency": grid.model_copy(update={"num": min(grid.num, 2)})})
 
 
-# -- Names --------------------------------------------------------------------------------
+# -- The solver's axes --------------------------------------------------------------------
 
 
 def _described(kind: str, base: Any, axes: Sequence[_Axis]) -> Iterator[sweep.Axis]:
     """Yield the solver's axes."""
     outputs = frozenset(getattr(base, "outputs", ()))
-    for axis, name in zip(axes, _names(axes, _taken(kind)), strict=True):
+    for axis, name in zip(axes, sweep_names.names(kind, axes), strict=True):
         path = axis.document.path
         rule = sweep.rule(kind, axis.path)
         stages = [rule.unless[output] for output in rule.unless if output in outputs]
@@ -220,49 +222,16 @@ def _described(kind: str, base: Any, axes: Sequence[_Axis]) -> Iterator[sweep.Ax
         )
 
 
-def _taken(kind: str) -> frozenset[str]:
-    """Return the names that results of a kind use themselves."""
-    swept = sweep.KINDS[kind]
-    names = set(_RESERVED)
-    for name, field in declared(swept.solver.Result).items():
-        if field.array:
-            names |= {name, *field.quantity.dims, *field.path.split("/")}
-    for dim in swept.ragged:
-        names |= {f"{dim}_count", f"{dim}_offset"}
-    return frozenset(names)
-
-
-def _names(axes: Sequence[_Axis], taken: frozenset[str]) -> list[str]:
-    given = [axis.document.name for axis in axes]
-    for place, name in enumerate(given):
-        if name is not None and (name in taken or name in given[:place]):
-            message = f"the results have another {name!r}: choose another name"
-            raise ModelError(("axes", place, "name"), message, code="duplicate_name")
-    choices = [list(_endings(axis.path)) for axis in axes]
-    names: list[str] = []
-    for place, name in enumerate(given):
-        others = {e for k, endings in enumerate(choices) if k != place for e in endings}
-        barred = taken | others | {g for g in given if g is not None}
-        longest = choices[place][-1]
-        free = (ending for ending in choices[place] if ending not in barred)
-        names.append(name if name is not None else next(free, f"{longest}_axis"))
-    return names
-
-
-def _endings(path: Path) -> Iterator[str]:
-    """Yield the ends of a path that start with a telling name, the shortest first."""
-    for start in range(len(path) - 1, -1, -1):
-        if not str(path[start])[0].isdigit() and (path[start] not in _VAGUE or start == 0):
-            yield "_".join(str(part) for part in path[start:])
-
-
 # -- Points -------------------------------------------------------------------------------
 
 
 class _Grid:
     """The problems of the points; what several of them share is decoded once."""
 
-    def __init__(self, kind: str, base: Any, axes: Sequence[_Axis], system: System) -> None:
+    def __init__(
+        self, kind: str, base: Any, axes: Sequence[_Axis], system: System, linked: bool
+    ) -> None:
+        self._linked, self._continued = linked, sweep.KINDS[kind].continued
         self._kind, self._response_count = KINDS[kind], sweep.KINDS[kind].response_count
         self._base, self._axes, self._system = base, axes, system
         paths = list(enumerate(axis.path for axis in axes))
@@ -280,6 +249,18 @@ class _Grid:
         ModelError
             With a pointer from the base.
         """
+        return decode.problem(self._kind, *self._point(index))
+
+    def follow(self, index: Index, end: Any) -> Any:
+        """Return the problem of a point that starts where another ended, as `at` does."""
+        continued = self._continued
+        assert continued is not None
+        request, system = self._point(index)
+        start = continued.start(system, end)
+        return continued.going_on(decode.problem(self._kind, request, system, start=start), end)
+
+    def _point(self, index: Index) -> tuple[Any, System]:
+        """Return the request of a point and its structure."""
 
         def positions(places: Sequence[int]) -> Index:
             return tuple(index[place] for place in places)
@@ -289,8 +270,7 @@ class _Grid:
             system = structure.limited(self._limiters(positions(self._limiting)))
         except ModelError as error:
             raise error.under("system") from None
-        request = self._set(self._other, positions(self._other))
-        return decode.problem(self._kind, request, system)
+        return self._set(self._other, positions(self._other)), system
 
     def _set(self, places: Sequence[int], positions: Index) -> Any:
         """Return the base with the values at some positions on some of the axes."""
@@ -373,6 +353,8 @@ class _Grid:
             try:
                 return index, self.at(index)
             except ModelError as error:
+                if self._linked and index[0] > 0 and error.code == "outside_limits":
+                    return index, None  # it does not start from the state of the base
                 first = first or error
         assert first is not None
         return first

@@ -20,6 +20,7 @@ Examples
 array([0.57])
 """
 
+from vibroimpact_solvers.attractors import continued
 from vibroimpact_solvers.attractors.planning import plan
 from vibroimpact_solvers.attractors.problem import KIND, OUTPUTS, SECTIONS, Problem
 from vibroimpact_solvers.attractors.solving import solve
@@ -37,6 +38,7 @@ __all__ = [
     "Problem",
     "Result",
     "Verification",
+    "continued",
     "join",
     "plan",
     "solve",

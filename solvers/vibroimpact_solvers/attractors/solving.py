@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,21 @@ _STATEMENT: Final = (
 )
 
 
-@metered
+class Settled(NamedTuple):
+    """What motions settle on, and where they end.
+
+    Parameters
+    ----------
+    result : Result
+    x, v : array, shape (motion, dof)
+        States at the end, the drive's phase 0; of motions that there are not, the initial ones.
+    """
+
+    result: Result
+    x: Floats
+    v: Floats
+
+
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 
@@ -50,6 +64,12 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) motions; may raise `Cancelled`.
     """
+    return settle(problem, plan, tick).result
+
+
+@metered
+def settle(problem: Problem, plan: Plan, tick: Tick | None = None) -> Settled:
+    """Compute what the plan lists, as `solve`, and return the states at the end, too."""
     step = plan.step(Stage.FREE_MOTION)
     assert step is not None
     assert isinstance(step.settings, Batches)
@@ -60,6 +80,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     status = np.zeros(count, dtype=np.int64)
     exponent, error = np.full(count, np.nan), np.full(count, np.inf)
     at_a_time, done = step.settings.motions, 0
+    x, v = problem.x.copy(), problem.v.copy()
 
     def report() -> None:
         if tick is not None:
@@ -72,6 +93,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
             for row, outcome in observe(problem, histories, start, stop, report):
                 if isinstance(outcome, Observed):
                     motions.append(outcome)
+                    x[row], v[row] = outcome.x[-1], outcome.v[-1]
                     continue
                 status[row] = Status.of(outcome)
                 if len(failures) < _FAILURES:
@@ -106,7 +128,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     values |= _impacts(problem, groups, proofs) | sections(
         problem, [group.shown for group in groups], dofs
     )
-    return Result(**values)
+    return Settled(Result(**values), x, v)
 
 
 def _natures(groups: Sequence[Group], proofs: Sequence[Confirmed]) -> list[Nature]:

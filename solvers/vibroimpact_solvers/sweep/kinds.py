@@ -8,16 +8,17 @@ To let a kind be swept:
 2. Name in the row the dimensions whose length differs from point to point (``ragged``), and
    outputs that are absent where they equal another one (``absent``).
 3. Add its document to `vibroimpact_schema.sweeps` and an example.
-4. If problems with the same natural modes can share work, give ``solve_many``
+4. If points can start where others ended, give ``continued``, a module as `Continued` says.
+5. If problems with the same natural modes can share work, give ``solve_many``
    (see `vibroimpact_solvers.impact_modes.shared_responses`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from vibroimpact_solvers import (
     attractors,
@@ -31,6 +32,7 @@ from vibroimpact_solvers import (
 )
 from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.impact_modes.shared_responses import response_count, solve_many
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Stage
 
 Path = Sequence[str | int]
@@ -63,6 +65,27 @@ class Rule:
     unless: Mapping[str, Stage] = field(default_factory=dict)
 
 
+class Continued(Protocol):
+    """What a kind offers whose points may start where others ended: a module of functions."""
+
+    def start(self, system: System, end: Any) -> Any:
+        """Return the initial state, as the kind's problem takes it, from the end of a point."""
+
+    def going_on(self, problem: Any, end: Any) -> Any:
+        """Return the problem with what else goes on from the end of a point."""
+
+    def motions(self, problem: Any) -> int:
+        """Return how many motions a point takes, that to its end included."""
+
+    def solve_each(
+        self, problems: Sequence[Any], before: Sequence[Any], report: Callable[[], None]
+    ) -> Iterator[tuple[Outcome, Any]]:
+        """Yield the outcome of each problem and its end, None where there is none.
+
+        before are the ends from which they go on, None of those with their own initial states.
+        """
+
+
 @dataclass(frozen=True, slots=True)
 class SweptKind:
     """A kind of computation that can be swept.
@@ -83,6 +106,8 @@ class SweptKind:
         Solves problems with the same natural modes and returns an outcome for each in order,
         equal to the last bit to that of ``solve``; calls its second argument while it runs, which
         may raise to stop it. Absent: one after the other.
+    continued : Continued, optional
+        Lets points start where others ended.
     """
 
     solver: ModuleType
@@ -91,6 +116,7 @@ class SweptKind:
     absent: Mapping[str, str] = field(default_factory=dict)
     response_count: Callable[[Any], int] | None = None
     solve_many: Callable[[Sequence[Any], Callable[[], None]], Iterable[Outcome]] | None = None
+    continued: Continued | None = None
 
 
 _LOSSLESS: Final = "impact modes are motions without energy loss"
@@ -189,6 +215,7 @@ KINDS: Final[Mapping[str, SweptKind]] = {
             Rule("tolerance", Stage.FREE_MOTION),
         ),
         ragged=frozenset({"attractor", "impact", "section"}),
+        continued=attractors.continued,
     ),
     "time-history": SweptKind(
         time_history,
@@ -203,6 +230,7 @@ KINDS: Final[Mapping[str, SweptKind]] = {
         ),
         ragged=frozenset({"impact", "contact"}),
         solve_many=time_history.solve_many,
+        continued=time_history.continued,
     ),
     "slow-flow": SweptKind(
         slow_flow,

@@ -52,6 +52,8 @@ def _steps(problem: Problem, point: Any, of_point: Plan) -> Iterator[Step]:
     swept, points = problem.swept_kind, math.prod(problem.shape)
     frequencies = 1 if swept.response_count is None else swept.response_count(point)
     for step in of_point.steps:
+        if step.stage is Stage.FREE_MOTION and problem.follow is not None:
+            step = _linked(problem, point, step)
         if step.stage is Stage.IMPULSE and swept.solve_many is not None:
             responses = problem.count(Stage.RESPONSE)
             yield replace(
@@ -79,6 +81,17 @@ def _steps(problem: Problem, point: Any, of_point: Plan) -> Iterator[Step]:
         )
 
 
+def _linked(problem: Problem, point: Any, step: Step) -> Step:
+    """Return the step of motions that start where others ended."""
+    continued = problem.swept_kind.continued
+    assert continued is not None
+    motions = continued.motions(point)
+    reason = f"{step.reason}; along {problem.axes[0].name} each point starts where the last ended"
+    if motions > 1:
+        reason += ", and where it ends is computed beside its outputs, which do not contain that"
+    return replace(step, reason=reason, flops=step.flops * motions)
+
+
 def _skips(problem: Problem, of_point: Plan) -> Iterator[Skip]:
     points = math.prod(problem.shape)
     for axis in problem.axes:
@@ -102,6 +115,8 @@ def _skips(problem: Problem, of_point: Plan) -> Iterator[Skip]:
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
     """Cut a grid along its slowest axes into pieces of about the given cost.
 
+    It is never cut along an axis on which each point starts where the last ended.
+
     Cuts lie at multiples of a power of two on the grid that all axes of one start and step
     share, wherever this one ends: pieces of a longer or a shifted sweep are the same.
     """
@@ -112,7 +127,8 @@ def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
         one = _seconds(problem, plan, shape)
         shape[place] = axis.values.size
         price = _seconds(problem, plan, shape)
-        if axis.stage is None or (price <= seconds_each and place != problem.order[0]):
+        small = price <= seconds_each and place != problem.order[0]
+        if axis.stage is None or problem.linked(place) or small:
             cuts[place] = [problem.spans[place]]
             continue
         shape[place] = min(2, axis.values.size)

@@ -80,6 +80,9 @@ class Problem:
         The structure of the base, which has the units.
     spans : tuple of (int, int), optional
         The ranges that this piece of the grid covers; absent: all of it.
+    follow : callable, optional
+        Lets each point start where the last ended, along the first axis: returns the problem of
+        one point, as ``at``, that starts from an end, as `kinds.Continued` has it.
     """
 
     kind: str
@@ -87,11 +90,15 @@ class Problem:
     at: Callable[[Index], Any]
     system: System
     spans: tuple[Span, ...] = ()
+    follow: Callable[[Index, Any], Any] | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             message = f"only {', '.join(KINDS)} can be swept"
             raise ModelError(("kind",), message, code="unknown_choice")
+        if self.follow is not None and self.swept_kind.continued is None:
+            message = f"{self.kind} has no end from which the next point could start"
+            raise ModelError(("continue",), message, code="not_continued")
         names = [axis.name for axis in self.axes]
         for place, name in enumerate(names):
             if name in names[:place]:
@@ -113,9 +120,18 @@ class Problem:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """The axes from the slowest to the fastest: those of the most expensive stages first."""
+        """The axes from the slowest to the fastest: those of the most expensive stages first.
+
+        One along which each point needs the last is the fastest.
+        """
         places = range(len(self.axes))
-        return tuple(sorted(places, key=lambda place: rank(self.axes[place].stage)))
+        return tuple(
+            sorted(places, key=lambda place: (self.linked(place), rank(self.axes[place].stage)))
+        )
+
+    def linked(self, place: int) -> bool:
+        """Whether each point along an axis starts where the last ended."""
+        return self.follow is not None and place == 0
 
     def count(self, stage: Stage) -> int:
         """Return the number of points at which a stage is computed."""
@@ -147,6 +163,14 @@ class Problem:
     def problem(self, index: Index) -> Any:
         """Return the problem of one point of this piece."""
         return self.at(tuple(i + start for i, (start, _) in zip(index, self.spans, strict=True)))
+
+    def started(self, index: Index, end: Any) -> Any:
+        """Return the problem of one point of this piece that starts from an end, None: its own."""
+        if end is None:
+            return self.problem(index)
+        assert self.follow is not None
+        spans = zip(index, self.spans, strict=True)
+        return self.follow(tuple(i + start for i, (start, _) in spans), end)
 
     def neglected(self) -> Iterator[list[str]]:
         """Yield what has no effect where the axes are at their least and at their largest values.

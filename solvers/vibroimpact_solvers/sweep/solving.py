@@ -11,6 +11,7 @@ from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.meter import look, metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick
+from vibroimpact_solvers.sweep import continuing
 from vibroimpact_solvers.sweep.kinds import Outcome, SweptKind
 from vibroimpact_solvers.sweep.planning import spans
 from vibroimpact_solvers.sweep.problem import Index, Problem
@@ -33,7 +34,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) points; may raise `Cancelled`.
     """
-    assembly, kind = assembly_of(problem), problem.swept_kind
+    assembly = assembly_of(problem)
     sizes = zip(problem.axes, problem.shape, strict=True)
     done, total = 0, math.prod(size for axis, size in sizes if axis.stage)
 
@@ -41,14 +42,22 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         if tick is not None:
             tick(done, total)
 
+    report()
+    outcomes = independent if problem.follow is None else continuing.outcomes
+    for index, outcome in outcomes(problem, report):
+        assembly.put(index, outcome)
+        done += 1
+    report()
+    return result_of(problem, assembly)
+
+
+def independent(problem: Problem, report: Callable[[], None]) -> Iterator[tuple[Index, Outcome]]:
+    """Yield the result of each point, which needs no other, or the error that it has instead."""
     for batch in _batches(problem):
         points = [_problem(problem, index) for index in batch]
         report()
-        for index, outcome in zip(batch, _outcomes(kind, points, report), strict=True):
-            assembly.put(index, outcome)
-            done += 1
+        yield from zip(batch, _outcomes(problem.swept_kind, points, report), strict=True)
         report()
-    return result_of(problem, assembly)
 
 
 def join(problem: Problem, plan: Plan, results: Sequence[Described]) -> Result:

@@ -17,6 +17,8 @@ array([ 1.732051, -0.866025])
 """
 
 from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history import continued
+from vibroimpact_solvers.time_history.continued import on_stops
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Harmonic, Load, Sampled
 from vibroimpact_solvers.time_history.many import (
@@ -29,6 +31,7 @@ from vibroimpact_solvers.time_history.many import (
     solve_many,
     solve_states,
 )
+from vibroimpact_solvers.time_history.on_mode import state_of
 from vibroimpact_solvers.time_history.parts import Assembly, Part, join
 from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import (
@@ -70,10 +73,12 @@ __all__ = [
     "Tick",
     "Window",
     "check_states",
+    "continued",
     "first_start",
     "follow",
     "join",
     "of_mean_speed",
+    "on_stops",
     "plan",
     "prepare",
     "prepared",
@@ -82,4 +87,5 @@ __all__ = [
     "solve_many",
     "solve_states",
     "split",
+    "state_of",
 ]

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from processes import Record, Replica, until
 from shared import Machine
-from users import User, sweep, tiny
+from users import User, continued, sweep, tiny, uninterrupted
 
 
 def test_killed_workers(
@@ -40,6 +41,34 @@ def test_killed_workers(
     record.check()
     assert record.repeated() <= 4 * 2  # one worker computes two chunks at a time
     assert max(seconds) <= 5.0
+
+
+def test_a_continued_sweep_whose_workers_are_killed(
+    started: Callable[[Any], Any], tmp_path: Path, record: Record, moments: random.Random
+) -> None:
+    replica = started(Replica(tmp_path / "data", record))
+    until(replica.ready, "no workers")
+    user = User([replica], kind="sweep")
+    content = continued()
+    user.submit(content)
+    for _ in range(3):
+        last = until(lambda: record.begun()[-1:], "nothing begins")[0]
+        time.sleep(moments.uniform(0.0, 0.3))
+        last = record.begun()[-1]
+        moment = time.time()
+        os.kill(last.pid, signal.SIGKILL)
+        until(lambda m=moment, p=last.pid: record.after(m, p), "no other worker")
+    job = next(iter(user.accepted.values()))[0]
+    # The first history of a checkout compiles its kernels in the worker.
+    done = until(lambda: user.final(job), "it does not end", 300.0)
+    assert done["state"] == "succeeded", done["error"]
+    killed = [each for each in done["history"] if "SIGKILL" in (each["why"] or "")]
+    assert killed
+    assert done["progress"]["total"] == 8  # a piece for each value of the second axis
+    answer = user.ask("GET", done["result"]).json()
+    x = np.array(answer["x"])
+    np.testing.assert_array_equal(x, uninterrupted(content))
+    record.check()
 
 
 def test_killed_service(

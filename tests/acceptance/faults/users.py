@@ -11,8 +11,10 @@ import numpy as np
 from processes import SLOW, Replica, until
 
 from vibroimpact_schema.requests import ImpactModesRequest
-from vibroimpact_service.documents import decode
+from vibroimpact_schema.sweeps import SweepRequest
+from vibroimpact_service.documents import decode, sweep_axes
 from vibroimpact_solvers import impact_modes
+from vibroimpact_solvers import sweep as solver
 
 RETRIED = (httpx2.TransportError, httpx2.HTTPStatusError)
 """Failures after which a client repeats its request."""
@@ -41,6 +43,29 @@ def history(t_end: float = 4000.0) -> dict[str, Any]:
         "t": {"num": 200},
         "outputs": ["x"],
     }
+
+
+def continued() -> dict[str, Any]:
+    """Return a sweep whose points follow one another along the first axis, in eight chains."""
+    base = history(400.0) | {"outputs": ["x", "v"], "t": [400.0]}
+    base["load"] = [{"dof": 2, "amplitude": 0.1, "frequency": 1.1}]
+    stiffness = [1.0 + k / 20 for k in range(8)]
+    return {
+        "kind": "time-history",
+        "base": base,
+        "axes": [
+            {"path": "load.0.amplitude", "start": 0.3, "stop": 0.1, "num": 5},
+            {"path": "system.stiffness", "values": stiffness},
+        ],
+        "continue": True,
+    }
+
+
+def uninterrupted(content: dict[str, Any]) -> np.ndarray[Any, Any]:
+    """Return the displacements of a sweep that the solver computes in this process."""
+    request = SweepRequest.model_validate(content)
+    problem = sweep_axes.problem(request, decode.system(request.system), lambda: None)
+    return solver.solve(problem, solver.plan(problem)).arrays["x"]
 
 
 def impulses(content: dict[str, Any]) -> np.ndarray[Any, Any]:

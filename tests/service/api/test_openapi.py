@@ -67,6 +67,8 @@ def lost(old: Any, new: Any, where: str = "") -> list[str]:
 CHANGED = {
     # It was relative to the largest impulse of its frequency; every error is absolute now.
     "/components/schemas/ImpulseError/properties/impulse/items/anyOf",
+    # Steps may be negative.
+    "/components/schemas/AxisSteps/properties/step/exclusiveMinimum",
     # It takes what it took, and composed units such as lbf s2/in.
     "/components/schemas/Units/properties/mass/pattern",
 }
