@@ -14,8 +14,8 @@ freedom are orthogonal to them in M.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,6 +100,8 @@ class Reduction:
         n = self.kept + self.rigid + self.modes // 2
         none = np.zeros(0)
         part = self.model.part(range(n))
+        forces = {each: (self.model.M @ moved)[:n] for each, moved in self.model.base.items()}
+        part = replace(part, base=_bases(part.M.toarray(), forces))
         return Reduction(part, self.T[:, :n], none, none, self.kept, self.rigid)
 
     def compute(self, computation: Callable[[Model], Result]) -> Result:
@@ -233,7 +235,8 @@ def _reduced(
     labels: Sequence[Label] = [
         *(model.labels[row] for row in kept), *((mode, "mode") for mode in range(held + modes))
     ]  # fmt: skip
-    small = Model(M, K, C, labels, model.coordinates, model.units)
+    base = _bases(M, {each: T.T @ (model.M @ moved) for each, moved in _influences(model).items()})
+    small = Model(M, K, C, labels, model.coordinates, model.units, base=base)
     motions = np.concatenate([R[kept], bodies.T @ (model.M @ R), np.zeros((modes, R.shape[1]))])
     count = max(1, small.n // 2) if compare is None else min(compare, small.n)
     Omega, error = _errors(whole, small, T, motions, definite, count)
@@ -326,6 +329,20 @@ def _held(moved: Array, n: int) -> tuple[int, Array]:
     _, sizes, turned = scipy.linalg.svd(moved, full_matrices=True)
     rank = int((sizes > INDEPENDENT / np.sqrt(n)).sum())
     return rigid - rank, turned[::-1].T
+
+
+def _influences(model: Model) -> dict[str, Array]:
+    """Return the displacements by a unit displacement of the base in each direction of a model."""
+    directions = model.base or dict.fromkeys(each for _, each in model.labels)
+    return {each: model.influence(each) for each in directions}
+
+
+def _bases(M: Array, forces: Mapping[str, Array]) -> dict[str, Array]:
+    """Return displacements r by a unit displacement of the base, of inertia forces M r."""
+    masses = np.diagonal(M)
+    scale = 1.0 / np.sqrt(np.where(masses > 0.0, masses, 1.0))
+    scaled = scale[:, np.newaxis] * M * scale
+    return {each: scale * np.linalg.lstsq(scaled, scale * f)[0] for each, f in forces.items()}
 
 
 def _mean(matrix: Array) -> Array:
