@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from numbers import Integral
 from typing import Any, Final
 
+import numpy as np
+
 from vibroimpact.arguments import Document, integer, number, numbers
+from vibroimpact_schema.times import SECONDS
 
 _FEW: Final = 10
 """Three integers of which the last is smaller look like three values."""
@@ -59,3 +63,41 @@ def axis(path: str, values: Any) -> Document:
         longer or shifted sweeps with the same step have computed; ``name`` names the dimension.
     """
     return {"path": path} | times(values, path)
+
+
+def angular(unit: str, time: str = "s") -> float:
+    """Return the angular frequency Omega that 1 in a unit of frequencies stands for.
+
+    Parameters
+    ----------
+    unit : str
+        "Omega", "omega" (2/pi of it), "Hz" or "rpm".
+    time : str
+        The unit of time of Omega.
+
+    Raises
+    ------
+    ValueError
+        If it is no unit of frequencies, or the unit of time has no known length.
+    """
+    if unit in ("Omega", "omega"):
+        return 1.0 if unit == "Omega" else 0.5 * math.pi
+    if unit not in ("Hz", "rpm") or time not in SECONDS:
+        raise ValueError(f"frequencies per {time} have no value in {unit!r}: Hz, rpm, Omega, omega")
+    return 2.0 * math.pi * SECONDS[time] / (60.0 if unit == "rpm" else 1.0)
+
+
+def values(given: Any, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the values of an array, (start, stop, num), or a document of either.
+
+    Raises
+    ------
+    ValueError
+        If a document has a step.
+    """
+    document = times(given, name)
+    if "values" in document:
+        return np.asarray(document["values"], dtype=np.float64)
+    if "num" not in document:
+        raise ValueError(f"{name} needs values, or start, stop and num")
+    return np.linspace(document["start"], document["stop"], document["num"])

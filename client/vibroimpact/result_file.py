@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeVar
 import numpy as np
 
 from vibroimpact.errors import MissingExtra
+from vibroimpact.grids import angular
 from vibroimpact.parts import Dataset, Group, Parts
 from vibroimpact.tables import Array, Table, decoded, is_group_of
-from vibroimpact_schema.times import SECONDS
 
 if TYPE_CHECKING:
     import h5py
@@ -220,10 +220,8 @@ class ResultFile:
             ``"Hz"``, ``"rpm"``, ``"Omega"``, or ``"omega"`` for (2/pi) Omega.
         """
         given = np.asarray(Omega, dtype=np.float64)
-        if unit in ("Omega", "omega"):
-            return given if unit == "Omega" else given * (2.0 / np.pi)
         time = self.unit("Omega").removeprefix("rad/")
-        return given * _per_turn(unit, "s" if time == "1" else time)
+        return given * (1.0 / angular(unit, "s" if time == "1" else time))
 
     def to_hdf5(self, path: str | Path) -> Path:
         """Write the file as the service sent it; return its path."""
@@ -379,13 +377,6 @@ def _plain(values: Any) -> Any:
         given = given.astype(object)
         given[~np.isfinite(given.astype(np.float64))] = None
     return given.tolist()
-
-
-def _per_turn(unit: str, time: str) -> float:
-    """Return what 1 rad per unit of time is in Hz or revolutions per minute."""
-    if unit not in ("Hz", "rpm") or time not in SECONDS:
-        raise ValueError(f"frequencies per {time} have no value in {unit!r}: Hz, rpm, Omega, omega")
-    return (60.0 if unit == "rpm" else 1.0) / (2.0 * np.pi * SECONDS[time])
 
 
 def _is_bare(file: h5py.File | Group, name: str) -> bool:

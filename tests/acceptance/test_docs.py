@@ -216,6 +216,11 @@ def test_the_tube_from_nastran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert 11 <= last.sum() <= 13
     assert contacts.peak_force[last].mean() == pytest.approx(105.0, rel=0.02)
     assert (contacts.stop - contacts.start)[last].mean() == pytest.approx(0.012, rel=0.02)
+    check = names["check"]
+    assert check.error.max() == pytest.approx(0.0094, rel=0.05)
+    assert (check.motion.of, int(check.motion.whole.solution.exists.sum())) == (240, 1)
+    assert check.motion.size["contact.peak_force"] == pytest.approx(107.5, rel=1e-3)
+    assert check.motion.relative("contact.peak_force") == pytest.approx(0.018, rel=0.05)
     assert (tmp_path / "tube.unv").stat().st_size > 100_000
 
 

@@ -214,6 +214,28 @@ def test_half_of_the_modes_are_left_out() -> None:
     np.testing.assert_allclose(np.abs(half.T), np.abs(few.T), atol=1e-7)
 
 
+@pytest.mark.parametrize("keep", [[(12, "z")], [(12, "z"), (6, "ry")], [(12, "ry")]])
+@pytest.mark.parametrize("lumped", [False, True])
+def test_a_base_moves_the_modes_too(keep: list[tuple[int, str]], lumped: bool) -> None:
+    """The base moved the kept degrees of freedom alone, with their share of the mass."""
+    model = beam(12, lumped=lumped).fixed([0])
+    reduced = vi.reduce(model, keep, modes=6)
+    small, r = reduced.model, model.influence("z")
+    for each in (reduced, reduced.half()):
+        forces = each.T.T @ (model.M @ r)
+        found = each.model.M @ each.model.influence("z")
+        np.testing.assert_allclose(found, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
+    # Displacements of the whole beam whose base vibrates below its first natural frequency.
+    turning = 0.5 * frequencies(vi.condense(model).model)[0]
+    Z, z = (part.K.toarray() - turning**2 * part.M.toarray() for part in (model, small))
+    whole = np.linalg.solve(Z, model.M @ r)
+    mine = reduced.expand(np.linalg.solve(z, small.M @ small.influence("z")))
+    assert np.abs(mine - whole).max() < 2e-4 * np.abs(whole).max()
+    assert small.part([0]).influence("z").shape == (1,)
+    with pytest.raises(ValueError, match="direction 'mode': there are z, ry"):
+        small.influence("mode")
+
+
 @pytest.mark.needs("processes")
 def test_results_say_what_changes_with_half_of_the_modes() -> None:
     """Against the same computation with the smaller model, and one worked out by hand."""

@@ -3,13 +3,16 @@
 Needs scipy:  ``pip install 'vibroimpact[models]'``.
 """
 
+from vibroimpact.models.comparison import Comparison
 from vibroimpact.models.label_files import read_nodes
 from vibroimpact.models.labels import Nodes
 from vibroimpact.models.model import Model
 from vibroimpact.models.readers import read_model
-from vibroimpact.models.reduction import Reduction, condense, reduce
+from vibroimpact.models.reduced import Reduction
+from vibroimpact.models.reduction import condense, reduce
 
 __all__ = [
+    "Comparison",
     "Model",
     "Nodes",
     "Reduction",

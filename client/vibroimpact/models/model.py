@@ -60,6 +60,9 @@ class Model:
     elements : mapping, optional
         Shape, such as ``"hexahedron"`` or ``"quad"`` -> the nodes of each element, for files of
         motions on the mesh, see `write`.
+    base : mapping, optional
+        Direction -> displacements by a unit displacement of the base, shape (n,), where labels do
+        not tell: in reduced models, whose modes move with the base too, see `influence`.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class Model:
     rounding: float = ROUNDING
     symmetrize: bool = False
     elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
+    base: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("M", "K", "C"):
@@ -207,13 +211,19 @@ class Model:
     def influence(self, direction: str) -> Array:
         """Return the displacements by a unit displacement of the base in a direction, (dof,).
 
-        1 for the degrees of freedom in that direction, 0 for others.
+        1 for the degrees of freedom in that direction, 0 for others. Of a reduced model, the
+        displacements whose inertia forces are those of the whole model, ``M r = T' M_whole r``.
 
         Raises
         ------
         ValueError
             If there is none in that direction.
         """
+        if direction in self.base:
+            return np.array(self.base[direction], dtype=np.float64)
+        if self.base:
+            known = ", ".join(self.base)
+            raise ValueError(f"no degree of freedom in direction {direction!r}: there are {known}")
         moved = np.array([1.0 if each == direction else 0.0 for _, each in self.labels])
         if not moved.any():
             known = ", ".join(dict.fromkeys(each for _, each in self.labels))
@@ -249,7 +259,9 @@ class Model:
         M, K, C = (
             None if part is None else part[rows][:, rows] for part in (self.M, self.K, self.C)
         )
-        return replace(self, M=M, K=K, C=C, labels=tuple(self.labels[row] for row in rows))
+        labels = tuple(self.labels[row] for row in rows)
+        base = {each: np.asarray(moved)[rows] for each, moved in self.base.items()}
+        return replace(self, M=M, K=K, C=C, labels=labels, base=base)
 
     def natural(
         self,

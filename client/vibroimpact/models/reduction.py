@@ -14,9 +14,7 @@ freedom are orthogonal to them in M.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import scipy.linalg
@@ -27,109 +25,15 @@ from vibroimpact.models.flexibility import (
     RIGID,
     Flexibility,
     MasslessMotion,
-    Solver,
-    anchors,
     no_rigid_body_modes,
     rigid_body_modes,
     unit_stiffness,
 )
 from vibroimpact.models.model import Label, Model
-from vibroimpact.sensitivity import Sensitivity
+from vibroimpact.models.reduced import Reduction
+from vibroimpact.models.static_solvers import flexibilities
+from vibroimpact.models.whole_system import base_displacements
 from vibroimpact.tables import Array
-
-if TYPE_CHECKING:
-    from vibroimpact.results import Result
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Reduction:
-    """A reduced model and what it leaves out.
-
-    Natural frequencies converge as modes are added. **The impulses of rigid stops do not**, nor do
-    existence bands: a rigid stop excites every mode of the model, and each one that is added
-    changes the answer, by a finer mesh as by a larger reduction. `compute` says by how much: it
-    repeats a computation with half of the modes.
-
-    Parameters
-    ----------
-    model : Model
-        The reduced model; kept degrees of freedom keep their labels, modes are ``(j, "mode")``,
-        motions of rigid bodies with the kept ones at rest before elastic ones.
-    T : array, shape (dof, reduced dof)
-        Displacements of the whole model by those of the reduced one.
-    Omega : array, shape (mode,)
-        Natural frequencies of the reduced model that were compared; those of rigid bodies are 0.
-    error : array, shape (mode,)
-        Upper bounds of their distances from the nearest natural frequency of the whole model,
-        relative to that one: ``|Omega^2/lambda - 1| <= |K x - Omega^2 M x| / |x|``, the first
-        norm that of K^-1 (of the flexibility beside rigid bodies' motions where K is singular),
-        the second that of K; roundings are left out. 0 of rigid bodies, whose motions the reduced
-        model has exactly. nan if K is not positive semidefinite, where no such bound holds.
-    kept : int
-        How many of the degrees of freedom are kept ones; they come first.
-    rigid : int
-        How many of the modes are motions of rigid bodies; they come first of the modes.
-    """
-
-    model: Model
-    T: Array
-    Omega: Array
-    error: Array
-    kept: int = 0
-    rigid: int = 0
-
-    def __repr__(self) -> str:
-        """Return its size, and the largest error of its natural frequencies."""
-        error = f"; errors up to {self.error.max():.1e}" if self.error.size else ""
-        parts = f"{self.kept} kept, {self.rigid} rigid and {self.modes} elastic modes"
-        return (
-            f"<Reduction: {self.T.shape[0]} degrees of freedom to {self.model.n}: {parts}{error}>"
-        )
-
-    def expand(self, q: Array) -> Array:
-        """Return displacements of the whole model, shape (..., dof)."""
-        return np.asarray(q) @ self.T.T
-
-    @property
-    def modes(self) -> int:
-        """Number of elastic modes."""
-        return self.model.n - self.kept - self.rigid
-
-    def half(self) -> Reduction:
-        """Return the reduction with the lower half of the elastic modes; nothing is compared."""
-        n = self.kept + self.rigid + self.modes // 2
-        none = np.zeros(0)
-        part = self.model.part(range(n))
-        return Reduction(part, self.T[:, :n], none, none, self.kept, self.rigid)
-
-    def compute(self, computation: Callable[[Model], Result]) -> Result:
-        """Return a result of the reduced model that says how much it owes to the modes.
-
-        Parameters
-        ----------
-        computation : callable
-            Returns the result of a model, such as ``lambda model: client.impact_modes(
-            model.system([model.constraint(17, "z", 1e-3)]), [40.0])``. It is called for the
-            reduced model, and for that with half of the elastic modes, which is the smaller task.
-
-        Returns
-        -------
-        Result
-            That of the reduced model, with `Result.sensitivity`.
-
-        Raises
-        ------
-        ValueError
-            If there are no elastic modes to leave out.
-        """
-        if self.modes < 1:
-            raise ValueError("a reduction without elastic modes has none to leave out")
-        result = computation(self.model)
-        smaller = computation(self.half().model)
-        result.sensitivity = Sensitivity.between(
-            result, smaller, self.modes, self.modes // 2, self.kept
-        )
-        return result
 
 
 def condense(model: Model) -> Reduction:
@@ -208,14 +112,10 @@ def _reduced(
     T[kept, np.arange(kept.size)] = 1.0
     first = kept.size + held
     try:
-        bodies_of_others = R[others] @ turned[:, :held]
-        if factors is None and model.n >= cholesky.LARGE and definite:
-            factors = _factors(model, kept, R, others, bodies_of_others)
-        whole = Flexibility(model.K, model.M, R, _solver(factors, kept, None, model.n))
-        if others.size:
-            K, M = (part[others][:, others] for part in (model.K, model.M))
-            solver = _solver(factors, kept, others, model.n)
-            flexible = Flexibility(K, M, bodies_of_others, solver)
+        whole, flexible = flexibilities(
+            model, kept, R, R[others] @ turned[:, :held], factors, definite=definite
+        )
+        if flexible is not None:
             T[others, : kept.size] = flexible.solve(-model.K[others][:, kept].toarray())
             T[others, kept.size : first] = flexible.R
             T[others, first:] = _modes(flexible, modes)
@@ -233,11 +133,15 @@ def _reduced(
     labels: Sequence[Label] = [
         *(model.labels[row] for row in kept), *((mode, "mode") for mode in range(held + modes))
     ]  # fmt: skip
-    small = Model(M, K, C, labels, model.coordinates, model.units)
+    base = {
+        each: base_displacements(M, T.T @ (model.M @ moved))
+        for each, moved in _influences(model).items()
+    }
+    small = Model(M, K, C, labels, model.coordinates, model.units, base=base)
     motions = np.concatenate([R[kept], bodies.T @ (model.M @ R), np.zeros((modes, R.shape[1]))])
     count = max(1, small.n // 2) if compare is None else min(compare, small.n)
     Omega, error = _errors(whole, small, T, motions, definite, count)
-    return Reduction(small, T, Omega, error, kept.size, held)
+    return Reduction(small, T, Omega, error, kept.size, held, model, motions)
 
 
 def _rigid(
@@ -256,41 +160,6 @@ def _rigid(
     except cholesky.NotDefinite:
         pass  # as of a structure that is free, to rounding
     return *rigid_body_modes(model.K, rigid, model.places), None
-
-
-def _factors(
-    model: Model, kept: Array, R: Array, others: Array, bodies: Array
-) -> cholesky.Factors | None:
-    """Return factors of K that serve with the kept degrees of freedom held and without."""
-    inner = model.K[others][:, others]
-    held = [kept, anchors(model.K, R), others[anchors(inner, bodies)]]
-    try:
-        return cholesky.Factors(model.K, np.unique(np.concatenate(held)), model.places)
-    except cholesky.NotDefinite:
-        return None  # some motion is held by rounding alone, which the others say
-
-
-def _solver(
-    factors: cholesky.Factors | None, kept: Array, others: Array | None, n: int
-) -> Solver | None:
-    """Return the solver of all degrees of freedom, or of the others with the kept ones held."""
-    if factors is None:
-        return None
-
-    def solver(held: Array) -> Callable[[Array], Array]:
-        if others is None:
-            return lambda f: factors.solve(f, held)
-        zero = np.concatenate([kept, others[held]])
-
-        def solve(f: Array) -> Array:
-            whole = np.zeros((n, *f.shape[1:]))
-            whole[others] = f
-            x: Array = factors.solve(whole, zero)[others]
-            return x
-
-        return solve
-
-    return solver
 
 
 def _modes(flexible: Flexibility, count: int) -> Array:
@@ -326,6 +195,12 @@ def _held(moved: Array, n: int) -> tuple[int, Array]:
     _, sizes, turned = scipy.linalg.svd(moved, full_matrices=True)
     rank = int((sizes > INDEPENDENT / np.sqrt(n)).sum())
     return rigid - rank, turned[::-1].T
+
+
+def _influences(model: Model) -> dict[str, Array]:
+    """Return the displacements by a unit displacement of the base in each direction of a model."""
+    directions = model.base or dict.fromkeys(each for _, each in model.labels)
+    return {each: model.influence(each) for each in directions}
 
 
 def _mean(matrix: Array) -> Array:

@@ -492,3 +492,25 @@ def test_refusals() -> None:
     with pytest.raises(ModelError) as caught:
         driven.solve(falling, plan)
     assert caught.value.pointer == ("system", "force")
+
+
+@pytest.mark.parametrize("lag", [1e-3, 0.0095, 0.1, 3.0])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_an_extreme_beside_the_beginning_of_the_period_is_found(lag: float, sign: float) -> None:
+    """It is at t = 0 or T, where steps of the search from the other end left the period."""
+    system = cantilever(1, 10.0, 1e4)
+    assert system.C is not None
+    mass, stiffness, damping = (
+        float(part.to_dense()[0, 0]) for part in (system.M, system.K, system.C)
+    )
+    Omega = 0.5 * math.sqrt(stiffness)
+    receptance = 1.0 / (stiffness - Omega**2 * mass + 1j * Omega * damping)
+    force = driven.Force((0,), (1.0,), 1.0, phase=-float(np.angle(receptance)) - sign * lag)
+    problem = driven.Problem(
+        system, np.array([Omega]), (force,), outputs=frozenset({"extremes", "exists"})
+    )
+    result = driven.solve(problem, driven.plan(problem))
+    (row,) = np.flatnonzero((result.solution_contacts == 0) & result.solution_exists)
+    for found, side in ((result.solution_x_max, 1.0), (result.solution_x_min, -1.0)):
+        assert found is not None
+        assert float(found[row, 0]) == pytest.approx(side * abs(receptance), rel=1e-12, abs=0.0)

@@ -303,12 +303,14 @@ def peaks(part: Part, form: Floats, level: Floats, times: Floats, seen: Floats) 
 
     value, rate, way = step(times[row])
     gap = np.diff(times).max(initial=0.0)
-    near = np.abs(way) <= gap
+    # A peak beyond an end of the part is not in it; in a whole period it is at the other end.
+    ahead = times[row] + way
+    near = (np.abs(way) <= gap) & (ahead >= 0.0) & (ahead <= part.length)
     guess = np.where(near, value + 0.5 * way * rate, value)
     first = guess.argmax(axis=0)
     at = times[row][first, columns] + np.where(near, way, 0.0)[first, columns]
     for _ in range(_NEWTON):
-        at = np.clip(at, times[0], times[-1])
+        at = np.clip(at, 0.0, part.length)
         value, _, way = step(at)
         best = np.fmax(best, value)
         if not (np.abs(way) > 1e-9 * np.maximum(np.abs(at), gap)).any():
