@@ -324,7 +324,13 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
         case motions.InitialMode(impact_mode=mode):
             initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
     with loads.as_sent(request, of):
-        return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
+        return histories.Problem(
+            of,
+            initial,
+            digits=request.digits,
+            parameters=_parameters(request, of),
+            **_motion(request, of),
+        )
 
 
 def ensemble(
