@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.cases import chain
 from benchmarks.error_against_time.slow_flows import motions
+from benchmarks.skips.natural import STIFFNESS
 from benchmarks.skips.scene import Scene, solve
 from vibroimpact_solvers import attractors, periodic_motions, presets, slow_flow, time_history
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -30,6 +31,14 @@ def scenes() -> Iterator[Scene]:
     yield _with_outputs("only displacements requested, N=13", {"x"}, "impacts")
     yield _with_outputs("one of 13 degrees of freedom requested", {"x", "v"}, dofs=np.array([5]))
     yield _with_outputs("no estimate of errors requested, N=13", _ALL, estimate=False)
+    push = partial(pushed, partial(chain, 13), t=_TIMES, outputs=frozenset({"x"}))
+    yield Scene(
+        "no derivatives of a time history requested, N=13",
+        time_history,
+        push,
+        lambda: solve(time_history, push(parameters=(STIFFNESS,))),
+        ("derivatives",),
+    )
     for output in ("exists", "energy"):
         others = frozenset(periodic_motions.OUTPUTS) - {output}
         yield Scene(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from vibroimpact.tables import Table
@@ -22,7 +23,7 @@ class Derivatives(Table):
         Parameters
         ----------
         output : str
-            Such as ``"momentum"``.
+            Such as ``"momentum"``, or ``"impacts.time"`` of a column of a table.
         parameter : str
             Its path, such as ``"system.constraints.0.gap"``, or an end of it that no other path
             has, such as ``"gap"``.
@@ -32,13 +33,30 @@ class Derivatives(Table):
         ValueError
             Where there is no such output or parameter, or more than one.
         """
-        outputs = [name for name in self if name not in _ABOUT]
-        if output not in outputs:
-            raise ValueError(
-                f"there is no derivative of {output!r}; there are {', '.join(outputs)}"
-            )
-        values: Array = self[output]
+        values = self.by_all(output)
         return values[..., place_of(parameter, [str(path) for path in self["parameter"]])]
+
+    def by_all(self, output: str) -> Array:
+        """Return the derivatives of an output by all parameters, which are its last axis.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such output.
+        """
+        every = dict(_columns(self))
+        if output not in every:
+            raise ValueError(f"there is no derivative of {output!r}; there are {', '.join(every)}")
+        return every[output]
+
+
+def _columns(table: Table, under: str = "") -> Iterator[tuple[str, Array]]:
+    """Yield the derivatives of a table and of those in it, by their names."""
+    for name, column in table.items():
+        if isinstance(column, Table):
+            yield from _columns(column, f"{under}{name}.")
+        elif name not in _ABOUT:
+            yield f"{under}{name}", column
 
 
 _ABOUT = frozenset({"parameter", "unit", "reason", "distance"})

@@ -322,6 +322,14 @@ class TimeHistoryRequest(TypedDict):
     """Decimal digits of the arithmetic where double precision cannot hold the tolerance to the
     end; absent: the result states until when it can.
     """
+    derivatives: NotRequired[Sequence[str] | None]
+    """Paths of numbers of the request by which all outputs are differentiated, as sweeps name
+    them: names of fields, keys and indices from 0, separated by dots, such as
+    system.constraints.0.gap or system.K.0.1, with which the symmetric entry changes too; or
+    system.M.scale, system.K.scale and system.C.scale, a factor of the whole matrix; or
+    initial.x.0, load.0.amplitude and other numbers of the motion. Between rigid stops; absent:
+    none.
+    """
 
 
 class EnsembleRequest(TypedDict):

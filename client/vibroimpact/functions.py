@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
@@ -35,14 +36,16 @@ class Function:
     Parameters
     ----------
     kind : str
-        Kind of computation that has derivatives: ``"impact-modes"``, ``"natural-frequencies"``.
+        Kind of computation that has derivatives: ``"impact-modes"``, ``"natural-frequencies"``,
+        ``"time-history"``.
     request : mapping
         The request document; its numbers at `inputs` are where optimisers start, see `start`.
     inputs : sequence of str
         Paths of these numbers, as in ``derivatives``. A factor of a matrix, such as
         ``"system.K.scale"``, is 1 in the request.
     outputs : sequence of str
-        Names of the outputs, such as ``"momentum"``, all of whose numbers follow one another.
+        Names of the outputs, such as ``"momentum"`` or ``"impacts.time"``, all of whose numbers
+        follow one another.
     compute : callable, optional
         Computes a request of a kind, such as ``client.compute``; default: ``Local().compute``.
 
@@ -88,7 +91,7 @@ class Function:
     def __call__(self, x: ArrayLike) -> Array:
         """Return the outputs at a point, one after another, shape (number,)."""
         result = self.result(x)
-        return np.concatenate([np.ravel(getattr(result, name)) for name in self.outputs])
+        return np.concatenate([np.ravel(attrgetter(name)(result)) for name in self.outputs])
 
     def jacobian(self, x: ArrayLike) -> Array:
         """Return the derivatives of the outputs at a point, shape (number, input).
@@ -100,9 +103,7 @@ class Function:
         order = [place_of(path, paths) for path in self.inputs]
         columns = []
         for name in self.outputs:
-            if name not in derivatives:
-                raise ValueError(f"there is no derivative of {name!r} in {self.kind}")
-            values = derivatives[name]
+            values = derivatives.by_all(name)
             columns.append(values.reshape(-1, values.shape[-1])[:, order])
         return np.concatenate(columns) * self._weights(np.asarray(x, dtype=np.float64))
 

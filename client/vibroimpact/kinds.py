@@ -1026,12 +1026,50 @@ class TimeHistoryErrorContacts(Table):
     """
 
 
+class TimeHistoryErrorDerivativeImpacts(Table):
+    """Absolute errors of these derivatives."""
+
+    time: Floats
+    """Error of the derivative of the time of the impact, shape (impact, parameter), time; nan:
+    unbounded, or there is no derivative.
+    """
+    velocity: Floats
+    """Error of the derivative of the velocity before the impact, shape (impact, parameter),
+    length / time; nan: unbounded, or there is no derivative.
+    """
+    impulse: Floats
+    """Error of the derivative of the impulse, shape (impact, parameter), mass length / time;
+    nan: unbounded, or there is no derivative.
+    """
+
+
+class TimeHistoryErrorDerivative(Table):
+    """Absolute errors of the derivatives."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {"impacts": TimeHistoryErrorDerivativeImpacts}
+    x: Floats
+    """Error of the derivative of the displacement, shape (t, dof, parameter), length; nan:
+    unbounded, or there is no derivative.
+    """
+    v: Floats
+    """Error of the derivative of the velocity, shape (t, dof, parameter), length / time; nan:
+    unbounded, or there is no derivative.
+    """
+    energy: Floats
+    """Error of the derivative of the energy, shape (t, parameter), mass length² / time²; nan:
+    unbounded, or there is no derivative.
+    """
+    impacts: TimeHistoryErrorDerivativeImpacts
+    """Absolute errors of these derivatives."""
+
+
 class TimeHistoryError(Table):
     """Errors of the motion."""
 
     PARTS: ClassVar[dict[str, type[Table]]] = {
         "impacts": TimeHistoryErrorImpacts,
         "contacts": TimeHistoryErrorContacts,
+        "derivative": TimeHistoryErrorDerivative,
     }
     x: Floats
     """Error of the displacement, shape (t, dof), length; nan: not estimated, or beyond the
@@ -1076,6 +1114,62 @@ class TimeHistoryError(Table):
     """Errors of columns of the impacts."""
     contacts: TimeHistoryErrorContacts
     """Errors of columns of the contacts."""
+    derivative: TimeHistoryErrorDerivative
+    """Absolute errors of the derivatives."""
+
+
+class TimeHistoryDerivativeImpacts(Table):
+    """Derivatives of columns of the impacts by the parameters."""
+
+    reason: Words
+    """Why there is no derivative, or ok, shape (impact)."""
+    time: Floats
+    """Derivative of the time of the impact by the parameter, shape (impact, parameter), time;
+    nan: there is none, see reason.
+    """
+    velocity: Floats
+    """Derivative of the velocity before the impact by the parameter, shape (impact,
+    parameter), length / time; nan: there is none, see reason.
+    """
+    impulse: Floats
+    """Derivative of the impulse by the parameter, shape (impact, parameter), mass length /
+    time; nan: there is none, see reason.
+    """
+
+
+class TimeHistoryDerivative(Derivatives):
+    """Derivatives of the outputs by the parameters, per unit of the parameter."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {"impacts": TimeHistoryDerivativeImpacts}
+    parameter: Words
+    """Path of the parameter of the derivatives, shape (parameter)."""
+    unit: Words
+    """Unit of the parameter, by which those of the derivatives are divided, shape (parameter)."""
+    reason: Words
+    """Why there is no derivative, or ok, shape (t); event: an impact happens at this time;
+    contact: a coordinate has come to rest; order: coupled coordinates strike at one instant;
+    grazing: a wall is touched; unpredictable: beyond the horizon; start: the motion starts with
+    an impact.
+    """
+    distance: Floats
+    """Change of the parameter to where there is no derivative, to first order, shape
+    (parameter); where the velocity of an impact is zero, or two coupled impacts meet; impacts
+    that come into being are not looked for; nan: none is in sight.
+    """
+    x: Floats
+    """Derivative of the displacement by the parameter, shape (t, dof, parameter), length; nan:
+    there is none, see reason.
+    """
+    v: Floats
+    """Derivative of the velocity by the parameter, shape (t, dof, parameter), length / time;
+    nan: there is none, see reason.
+    """
+    energy: Floats
+    """Derivative of the energy by the parameter, shape (t, parameter), mass length² / time²;
+    nan: there is none, see reason.
+    """
+    impacts: TimeHistoryDerivativeImpacts
+    """Derivatives of columns of the impacts by the parameters."""
 
 
 class EnsembleCount(Table):
@@ -1495,6 +1589,7 @@ class TimeHistory(Result):
         "contacts": TimeHistoryContacts,
         "count": TimeHistoryCount,
         "error": TimeHistoryError,
+        "derivative": TimeHistoryDerivative,
     }
     request: documents.TimeHistoryRequest
     t: Floats
@@ -1513,6 +1608,8 @@ class TimeHistory(Result):
     """Force between a stop and the structure, shape (t, constraint), mass length / time²; of
     stops of finite stiffness; it only pushes.
     """
+    parameter: Words
+    """Path of the parameter of the derivatives, shape (parameter)."""
     impacts: TimeHistoryImpacts
     """All impacts in order, one column each."""
     contacts: TimeHistoryContacts
@@ -1521,6 +1618,8 @@ class TimeHistory(Result):
     """Numbers of events."""
     error: TimeHistoryError
     """Errors of the motion."""
+    derivative: TimeHistoryDerivative
+    """Derivatives of the outputs by the parameters, per unit of the parameter."""
 
 
 class Ensemble(Result):

@@ -261,6 +261,12 @@ class TimeHistoryRequest(MotionRequest):
         "stops of finite stiffness push, with impulse, largest force, indentation and loss; "
         "force: the forces of stops of finite stiffness [time, constraint].",
     )
+    derivatives: Derivatives | None = Field(
+        None,
+        description=f"{_DERIVATIVES}; or initial.x.0, load.0.amplitude and other numbers of the "
+        "motion. Between rigid stops; absent: none.",
+        examples=[["system.constraints.0.gap", "load.0.amplitude"]],
+    )
 
 
 class EnsembleRequest(MotionRequest):

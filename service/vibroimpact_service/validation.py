@@ -14,7 +14,8 @@ from vibroimpact_service.problems import INVALID, ProblemError, pointer
 _MOST_FAULTS: Final = 20
 _LONGEST_NAME: Final = 64
 _UNKNOWN: Final = {
-    "derivatives": "this kind has no derivatives: natural frequencies and impact modes have them"
+    "derivatives": "this kind has no derivatives: natural frequencies, impact modes and time "
+    "histories have them"
 }
 """What is said of fields that only some kinds have."""
 _SELECTING: Final = ("kind", "law", "preset")

@@ -318,6 +318,7 @@ def test_the_derivatives_page() -> None:
     assert names["by_gap"] == pytest.approx(momentum / 0.1, rel=1e-12)
     assert np.all(names["errors"] < 1e-10)
     assert names["fit"].x == pytest.approx([0.12, 3.1], rel=1e-6)
+    assert names["rig"].x == pytest.approx([0.52, 0.78, 0.31], rel=1e-6)
 
 
 def test_the_beam_of_the_structures_page() -> None:

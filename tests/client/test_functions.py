@@ -72,6 +72,57 @@ def test_natural_frequencies_as_a_function() -> None:
     assert f.jacobian(f.start) == pytest.approx(np.outer(Omega, [0.5, -0.5]), rel=1e-13)
 
 
+MOTION: dict[str, Any] = {
+    "system": {
+        "M": [[1.0, 0.0], [0.0, 2.0]],
+        "K": [[2.0, -1.0], [-1.0, 2.0]],
+        "constraints": [{"dof": 0, "gap": 0.3, "restitution": 0.8}],
+        "damping": {"ratio": 0.03},
+    },
+    "initial": {"x": [0.0, 0.0], "v": [1.0, 0.3]},
+    "t_end": 6.0,
+    "t": {"values": [1.0, 5.5]},
+    "load": [{"dof": 1, "amplitude": 0.4, "frequency": 1.7, "phase": 0.2}],
+    "outputs": ["x", "v", "energy", "impacts"],
+}
+INPUTS = [
+    GAP, "system.constraints.0.restitution", "system.K.scale", "system.damping.ratio",
+    "initial.v.0", "load.0.amplitude", "load.0.frequency", "load.0.phase",
+]  # fmt: skip
+
+
+def test_the_jacobian_of_a_motion_with_impacts() -> None:
+    """Of a structure whose damping ratio stays, so that C goes with the root of K."""
+    names = ["x", "v", "energy", "impacts.time", "impacts.velocity", "impacts.impulse"]
+    f = vi.function("time-history", MOTION, INPUTS, names)
+    jacobian = f.jacobian(f.start)
+    assert f.result(f.start).count.impacts > 2
+    for column in range(len(INPUTS)):
+        step = np.zeros(len(INPUTS))
+        step[column] = 1e-6
+        difference = (f(f.start + step) - f(f.start - step)) / 2e-6
+        assert jacobian[:, column] == pytest.approx(difference, rel=1e-6, abs=1e-6), INPUTS[column]
+
+
+def test_derivatives_of_a_motion_by_names(tmp_path: Path) -> None:
+    result = vi.Local().compute("time-history", MOTION | {"derivatives": INPUTS})
+    assert isinstance(result, vi.TimeHistory)
+    by_gap = result.derivative("x", "gap")
+    assert by_gap.shape == (2, 2)
+    times = result.derivative("impacts.time", "gap")
+    assert times.shape == result.impacts.time.shape
+    assert result.derivative["unit"].tolist()[:2] == ["length", "1"]
+    assert result.derivative.reason.tolist() == ["ok", "ok"]
+    assert (result.error.derivative.x < 1e-11).all()
+    assert (result.error.derivative.impacts.time < 1e-11).all()
+    stored = vi.TimeHistory(result.to_hdf5(tmp_path / "motion.h5"))
+    assert stored.derivative("impacts.time", "gap").tolist() == times.tolist()
+    data = result.to_xarray("derivative")
+    assert data["x"].sel(parameter=GAP).values.tolist() == by_gap.tolist()
+    with pytest.raises(ValueError, match=r"no derivative of 'contacts\.start'; there are x, v"):
+        result.derivative("contacts.start", "gap")
+
+
 @pytest.mark.parametrize(
     ("inputs", "outputs", "fault"),
     [

@@ -57,6 +57,7 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
         method: str = "exact",
         tolerance: float | None = None,
         digits: int | None = None,
+        derivatives: Sequence[str] | None = None,
     ) -> History:
         """Compute the motion from an initial state, with its impacts.
 
@@ -88,6 +89,11 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
             double precision can meet it.
         digits : int, optional
             Decimal digits to compute with where double precision cannot meet the tolerance.
+        derivatives : sequence of str, optional
+            Paths of numbers by which the outputs are differentiated, such as
+            ``"system.constraints.0.gap"``, ``"load.0.amplitude"`` or ``"initial.v.0"``;
+            ``result.derivative("x", "gap")`` and ``result.derivative("impacts.time", "gap")``
+            return one.
         """
         request = _motion(
             system,
@@ -101,7 +107,10 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
             method=method,
             tolerance=tolerance,
         )
-        options = present(digits=integer("digits", digits))
+        options = present(
+            digits=integer("digits", digits),
+            derivatives=None if derivatives is None else names(derivatives),
+        )
         answer: History = self._compute("time-history", request | options)
         return answer
 

@@ -335,7 +335,13 @@ def time_history(
     """Return the problem of a time history."""
     initial = initial_states.one(request.initial) if start is None else start
     with loads.as_sent(request, of):
-        return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
+        return histories.Problem(
+            of,
+            initial,
+            digits=request.digits,
+            parameters=_parameters(request, of),
+            **_motion(request, of),
+        )
 
 
 def ensemble(

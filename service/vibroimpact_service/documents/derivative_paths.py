@@ -8,7 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_schema import systems
+from vibroimpact_schema import motions, systems
+from vibroimpact_service.documents import derivative_motions as of_motions
 from vibroimpact_service.documents import varying
 from vibroimpact_service.documents.grid_values import to_fundamental
 from vibroimpact_service.documents.varying import Path, Varying
@@ -33,11 +34,21 @@ def parameters(request: Any, of: System) -> tuple[Parameter, ...]:
     named = []
     for place, text in enumerate(request.derivatives or ()):
         try:
-            named.append(_parameter(request, of, text))
+            parameter = _parameter(request, of, text)
+            _check_base(request, parameter)
+            named.append(of_motions.with_law(parameter, request.system, of))
         except ModelError as error:
             pointer = ("derivatives", place)
             raise ModelError(pointer, error.message, code=error.code) from None
     return tuple(named)
+
+
+def _check_base(request: Any, parameter: Parameter) -> None:
+    """Refuse changes of the masses that a base moves, whose load they are."""
+    load = getattr(request, "load", None) or ()
+    if parameter.M and any(isinstance(term, motions.HarmonicBase) for term in load):
+        message = "the load of the base goes with the masses: there is no derivative by these"
+        raise ModelError((), message, code="no_derivative")
 
 
 def _parameter(request: Any, of: System, text: str) -> Parameter:
@@ -49,6 +60,12 @@ def _parameter(request: Any, of: System, text: str) -> Parameter:
             if getattr(of, name) is None:
                 message = "the structure has no damping matrix"
                 raise ModelError((), message, code="unknown_path")
+            if name == "C" and (request.system.damping or request.system.dashpots):
+                message = (
+                    "the damping is that of C and of a law or dashpots: there is no derivative by "
+                    "a factor of C; vary the numbers of these"
+                )
+                raise ModelError((), message, code="no_derivative")
             return _with_matrix(Parameter(text), name, MatrixRate(factor=1.0))
     number = varying.number(request, text)
     unit, _ = sweep.meaning(number.path)
@@ -57,7 +74,7 @@ def _parameter(request: Any, of: System, text: str) -> Parameter:
     if rates is None:
         message = (
             f"there are no derivatives by {text}: it is no number of the matrices, the stops, the "
-            "constant load or the frequencies"
+            "loads, the frequencies or the initial state"
         )
         raise ModelError((), message, code="no_derivative")
     return rates
@@ -75,11 +92,17 @@ def _rates(request: Any, of: System, parameter: Parameter, number: Varying) -> P
             return replace(parameter, force=force)
         case ("system", "constraints", int(index), *rest):
             return _of_stop(request.system.constraints[index], parameter, index, tuple(rest))
+        case ("system", "damping", *rest):
+            return of_motions.with_damping(parameter, request.system.damping, of, tuple(rest))
         case ("system", "dashpots", int(index), *rest):
             return _of_dashpot(request.system.dashpots[index], of.n, parameter, tuple(rest))
         case ("system", str(name)) if isinstance(request.system, systems.Preset):
             rule = _PRESETS.get((request.system.preset, name))  # type: ignore[attr-defined]
             return None if rule is None else rule(parameter, request.system)
+        case ("initial", "x" | "v" as name, int(dof)):
+            return of_motions.with_start(parameter, of.n, str(name), dof)
+        case ("load", int(place), str(name)):
+            return of_motions.with_load(parameter, request.load[place], place, of, name)
         case ("frequency", "values", int(place)):
             Omega = np.zeros(len(request.frequency.values))
             Omega[place] = to_fundamental(request.frequency.unit, of.units)

@@ -20,6 +20,7 @@ _SOURCES: Final = (
     "vibroimpact_service.documents.branch_paths",
     "vibroimpact_service.documents.damped",
     "vibroimpact_service.documents.decode",
+    "vibroimpact_service.documents.derivative_motions",
     "vibroimpact_service.documents.derivative_paths",
     "vibroimpact_service.documents.grid_values",
     "vibroimpact_service.documents.initial_states",

@@ -102,6 +102,12 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             "t": {"num": 3},
             "outputs": ["x", "contacts"],
         },
+        {
+            "system": _LOSSY,
+            "initial": {"x": [0], "v": [2]},
+            "t_end": 4,
+            "derivatives": ["system.constraints.0.gap"],
+        },
     ),
     "slow-flow": (
         {

@@ -6,8 +6,9 @@ follow for the natural modes. The kinds of computation differentiate their own e
 that no answer is computed twice.
 """
 
-from vibroimpact_solvers.derivatives.modes import ModeRates, mode_rates
+from vibroimpact_solvers.derivatives.modes import ModeRates, mode_rates, touched
 from vibroimpact_solvers.derivatives.parameter import (
+    LoadRate,
     MatrixRate,
     Parameter,
     StopRate,
@@ -16,6 +17,7 @@ from vibroimpact_solvers.derivatives.parameter import (
 )
 
 __all__ = [
+    "LoadRate",
     "MatrixRate",
     "ModeRates",
     "Parameter",
@@ -23,4 +25,5 @@ __all__ = [
     "check_parameters",
     "mode_rates",
     "named",
+    "touched",
 ]

@@ -142,7 +142,7 @@ def _projected(rate: MatrixRate, beside: _Neighbours, own: Floats) -> tuple[Floa
     error = 2.0 * EPS * np.abs(value)
     if rate.entries is None:
         return value, error
-    places, block = _touched(rate.entries)
+    places, block = touched(rate.entries)
     some, angles = beside.modes[places], beside.angles
     product = some.T @ (block @ some)
     size = np.abs(block).sum(axis=1)
@@ -155,7 +155,7 @@ def _projected(rate: MatrixRate, beside: _Neighbours, own: Floats) -> tuple[Floa
     return value + 0.5 * (product + product.T), error
 
 
-def _touched(entries: SymmetricMatrix) -> tuple[Integers, Floats]:
+def touched(entries: SymmetricMatrix) -> tuple[Integers, Floats]:
     """Return the rows of a matrix that are not zero, and the block of these rows."""
     if entries.form is Form.DIAGONAL:
         places = np.flatnonzero(entries.data[0])

@@ -45,6 +45,21 @@ class StopRate:
     weights: Coordinate = ()  # of the weights of its coordinate, by degree of freedom
 
 
+@dataclass(frozen=True, slots=True)
+class LoadRate:
+    """Rate of change of a load on one degree of freedom.
+
+    ``(steady_cosine + t cosine) cos(frequency t) - (steady_sine + t sine) sin(frequency t)``.
+    """
+
+    dof: int
+    frequency: float
+    steady_cosine: float = 0.0
+    steady_sine: float = 0.0
+    cosine: float = 0.0  # of what grows with time
+    sine: float = 0.0
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Parameter:
     """One number of a problem, and the rates of change of what depends on it.
@@ -63,6 +78,10 @@ class Parameter:
         Rates of the stops that change.
     frequency : float or array, shape (frequency,)
         Rate of the fundamental frequencies Omega.
+    loads : tuple of LoadRate
+        Rates of the loads that vary with time.
+    x, v : array, shape (dof,), optional
+        Rates of the displacements and velocities from which a motion starts.
     """
 
     path: str
@@ -73,6 +92,9 @@ class Parameter:
     force: Floats | None = None
     stops: tuple[StopRate, ...] = ()
     frequency: float | Floats = 0.0
+    loads: tuple[LoadRate, ...] = ()
+    x: Floats | None = None
+    v: Floats | None = None
 
     @property
     def structural(self) -> bool:

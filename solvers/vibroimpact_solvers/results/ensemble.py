@@ -34,7 +34,11 @@ class Result:
     """
 
     GROUPS: ClassVar[Mapping[str, Group]] = {
-        **time_history.Result.GROUPS,
+        **{
+            path: group
+            for path, group in time_history.Result.GROUPS.items()
+            if "derivative" not in path  # of single motions only
+        },
         "count": Group("MemberCounts", "Numbers of events of each member."),
         "error": Group("EnsembleError", "Errors of each motion; null where a member has none."),
     }

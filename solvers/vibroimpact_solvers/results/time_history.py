@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity
-from vibroimpact_solvers.results.shared import TIME, Dofs, Neglected, Statement, V, X
+from vibroimpact_solvers.results.shared import (
+    DERIVATIVES,
+    TIME,
+    Dofs,
+    Neglected,
+    Parameters,
+    ParameterUnits,
+    Statement,
+    V,
+    X,
+    derivative,
+    derivative_error,
+)
 
 
 def _impact(unit: str, long_name: str, column: str, **rest: Any) -> Quantity:
@@ -28,6 +40,24 @@ def _error(
     return Quantity(
         dims, unit, f"error of the {what}", path=f"error/{of}", missing=missing, sometimes=sometimes
     )
+
+
+_MOMENTUM: Final = "mass length time-1"
+_ENERGY: Final = "mass length2 time-2"
+REASONS: Final = ("ok", "event", "contact", "order", "grazing", "unpredictable", "start")
+"""Why there is no derivative, in the order of `time_history.derivatives.Reason`."""
+_WHY: Final = (
+    "event: an impact happens at this time; contact: a coordinate has come to rest; order: coupled "
+    "coordinates strike at one instant; grazing: a wall is touched; unpredictable: beyond the "
+    "horizon; start: the motion starts with an impact"
+)
+
+
+def _rate_of_impacts(
+    declare: Callable[[tuple[str, ...], str, str, str], Quantity], unit: str, of: str, output: str
+) -> Quantity:
+    """Return the declaration of derivatives of a column of the impacts, or of their errors."""
+    return declare(("impact",), unit, of, output)
 
 
 _BEYOND = "not estimated, or beyond the horizon"
@@ -54,6 +84,13 @@ class Result:
         "error": Group("MotionError", "Errors of the motion."),
         "error/impacts": Group("ImpactsError", "Errors of columns of the impacts."),
         "error/contacts": Group("ContactsError", "Errors of columns of the contacts."),
+        **DERIVATIVES,
+        "derivative/impacts": Group(
+            "ImpactDerivatives", "Derivatives of columns of the impacts by the parameters."
+        ),
+        "error/derivative/impacts": Group(
+            "ImpactDerivativeErrors", "Absolute errors of these derivatives."
+        ),
     }
 
     t: Annotated[Floats | None, TIME]
@@ -335,3 +372,81 @@ class Result:
         ),
     ] = None
     neglected: Neglected = None
+    parameter: Parameters = None
+    parameter_unit: ParameterUnits = None
+    derivative_reason: Annotated[
+        Integers | None,
+        Quantity(
+            ("time",),
+            "1",
+            "why there is no derivative, or ok",
+            flags=REASONS,
+            path="derivative/reason",
+            note=_WHY,
+        ),
+    ] = None
+    derivative_distance: Annotated[
+        Floats | None,
+        Quantity(
+            ("parameter",),
+            "1",
+            "change of the parameter to where there is no derivative, to first order",
+            path="derivative/distance",
+            missing="none is in sight",
+            note="where the velocity of an impact is zero, or two coupled impacts meet; impacts "
+            "that come into being are not looked for",
+        ),
+    ] = None
+    derivative_x: Annotated[
+        Floats | None, derivative(("time", "dof"), "length", "displacement", "x")
+    ] = None
+    derivative_x_error: Annotated[
+        Floats | None, derivative_error(("time", "dof"), "length", "displacement", "x")
+    ] = None
+    derivative_v: Annotated[
+        Floats | None, derivative(("time", "dof"), "length time-1", "velocity", "v")
+    ] = None
+    derivative_v_error: Annotated[
+        Floats | None, derivative_error(("time", "dof"), "length time-1", "velocity", "v")
+    ] = None
+    derivative_energy: Annotated[
+        Floats | None, derivative(("time",), _ENERGY, "energy", "energy")
+    ] = None
+    derivative_energy_error: Annotated[
+        Floats | None, derivative_error(("time",), _ENERGY, "energy", "energy")
+    ] = None
+    derivative_impact_reason: Annotated[
+        Integers | None,
+        Quantity(
+            ("impact",),
+            "1",
+            "why there is no derivative, or ok",
+            flags=REASONS,
+            path="derivative/impacts/reason",
+        ),
+    ] = None
+    derivative_impact_time: Annotated[
+        Floats | None, _rate_of_impacts(derivative, "time", "time of the impact", "impacts/time")
+    ] = None
+    derivative_impact_time_error: Annotated[
+        Floats | None,
+        _rate_of_impacts(derivative_error, "time", "time of the impact", "impacts/time"),
+    ] = None
+    derivative_impact_velocity: Annotated[
+        Floats | None,
+        _rate_of_impacts(
+            derivative, "length time-1", "velocity before the impact", "impacts/velocity"
+        ),
+    ] = None
+    derivative_impact_velocity_error: Annotated[
+        Floats | None,
+        _rate_of_impacts(
+            derivative_error, "length time-1", "velocity before the impact", "impacts/velocity"
+        ),
+    ] = None
+    derivative_impact_impulse: Annotated[
+        Floats | None, _rate_of_impacts(derivative, _MOMENTUM, "impulse", "impacts/impulse")
+    ] = None
+    derivative_impact_impulse_error: Annotated[
+        Floats | None, _rate_of_impacts(derivative_error, _MOMENTUM, "impulse", "impacts/impulse")
+    ] = None

@@ -14,10 +14,12 @@ import numpy as np
 from vibroimpact_solvers import condensation, impact_modes, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.body import Body
+from vibroimpact_solvers.derivatives import Parameter
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import Coordinates, System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.time_history.derivatives import SHAKEN_MOTIONS
 from vibroimpact_solvers.time_history.loads import Sampled, largest_frequency, samples
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
@@ -157,6 +159,33 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
     yield _motion_step(problem, len(system.constraints) - len(far), history)
     if history is not None:
         yield history
+    if problem.parameters:
+        yield _derivatives_step(problem)
+
+
+def _derivatives_step(problem: Problem) -> Step:
+    """Return the step of the derivatives, whose sources are integrated along the motion."""
+    count, n = len(problem.parameters), float(problem.system.n)
+    plural = "s" if count > 1 else ""
+    reason = (
+        f"by {count} parameter{plural}: rates of the motion, all of them together from impact to "
+        f"impact, and {SHAKEN_MOTIONS} times more with roundings, for their errors"
+    )
+    turns = problem.t_end * _in_motion(problem)
+    sources = sum(_has_sources(each) for each in problem.parameters)
+    states = _impacts(problem) + problem.history_times.size
+    nodes = states * 8.0 + 2.0 * problem.t_end * spectrum.largest_frequency(problem.system)
+    each = 40.0 * n * (1.0 + count)
+    flops = (1.0 + SHAKEN_MOTIONS) * (states * each + (nodes * 60.0 * n * sources))
+    size = 16.0 * count * problem.history_times.size * (2.0 * problem.output_dofs.size + 1.0)
+    size += 48.0 * count * (turns + _impacts(problem))
+    return Step(Stage.DERIVATIVES, "rates of the motion", reason, 5e6 + flops, size, bounded=False)
+
+
+def _has_sources(parameter: Parameter) -> bool:
+    """Whether a parameter changes the motion between impacts, and not only its start."""
+    changes = bool(parameter.structural or parameter.C or parameter.loads)
+    return changes or parameter.force is not None
 
 
 def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
@@ -215,6 +244,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         whole, written = whole + history.flops, written + history.bytes
     seconds = whole / _FLOPS_PER_SECOND + written / _BYTES_PER_SECOND
     parts = math.ceil(min(max(seconds / SECONDS, written / BYTES, 1.0), _MOST))
+    if problem.parameters:  # which take the whole motion
+        parts = 1
     if parts > 1:
         cut = f"in {parts} windows of time, each from the state at the end of the one before"
         reason = f"{reason}; {cut}"
@@ -403,9 +434,10 @@ def _looked_up(system: System) -> _Reach:
 def _skips(problem: Problem, far: list[int]) -> tuple[Skip, ...]:
     lossy = any(c.restitution < 1.0 for c in problem.system.constraints)
     rigid = problem.limiter is None
-    return _listed(
+    skips = _listed(
         problem.outputs, tuple(far), problem.method == EXACT and rigid, lossy and not rigid
     )
+    return skips if problem.parameters else (*skips, Skip("derivatives", "not requested"))
 
 
 @lru_cache(maxsize=256)

@@ -12,6 +12,7 @@ import numpy as np
 from vibroimpact_solvers import condensation, laws
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
+from vibroimpact_solvers.derivatives import Parameter, check_parameters
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import RANGE, Constraint, System
 from vibroimpact_solvers.time_history.limiters import Power
@@ -93,6 +94,8 @@ class Problem:
         Decimal digits of the arithmetic where double precision cannot keep the tolerance.
     estimate : bool
         Whether errors are estimated, and with them the time until which they are small.
+    parameters : tuple of Parameter
+        By which the outputs are differentiated.
     """
 
     system: System
@@ -107,6 +110,7 @@ class Problem:
     method: str = EXACT
     estimate: bool = True
     digits: int | None = None
+    parameters: tuple[Parameter, ...] = ()
 
     def __post_init__(self) -> None:
         t = np.zeros(0) if self.t is None else np.ascontiguousarray(self.t, dtype=np.float64)
@@ -124,6 +128,8 @@ class Problem:
         self._check_laws()
         self._check_digits()
         self.check(self.initial)
+        if self.parameters:
+            self._check_parameters()
         if isinstance(self.initial, State) and self.system.massless.size:
             object.__setattr__(self, "initial", _followed(self.system, self.initial))
 
@@ -289,6 +295,32 @@ class Problem:
             reason = "they are used where the errors say so, which are not estimated"
         if reason is not None:
             raise ModelError(("digits",), reason, code="not_possible")
+
+    def _check_parameters(self) -> None:
+        check_parameters(self.parameters, self.system)
+        reason = None
+        if self.limiter is not None or self.stopped:
+            reason = "motions with stops of finite stiffness have no derivatives"
+        elif self.method != EXACT:
+            reason = "integrators give no derivatives"
+        elif self.digits is not None:
+            reason = "derivatives are computed in double precision only"
+        elif isinstance(self.initial, ImpactMode):
+            reason = "motions that start on an impact mode have no derivatives: give x and v"
+        elif any(isinstance(term, Sampled) for term in self.load):
+            reason = "motions under sampled loads have no derivatives"
+        elif not self.estimate:
+            reason = "derivatives need the errors of the motion"
+        if reason is not None:
+            raise ModelError(("derivatives",), reason, code="not_possible")
+        for place, parameter in enumerate(self.parameters):
+            changed = bool(parameter.M.entries or parameter.K.entries or parameter.C.entries)
+            if changed and self.system.massless.size:
+                message = (
+                    "histories of structures with degrees of freedom without mass have no "
+                    "derivatives by entries of their matrices"
+                )
+                raise ModelError(("derivatives", place), message, code="massless")
 
     def _check_state(self, state: State) -> None:
         for name, values in (("x", state.x), ("v", state.v)):

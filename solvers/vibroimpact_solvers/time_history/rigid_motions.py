@@ -6,9 +6,10 @@ history on the way; `run.Run` takes over where contacts begin.
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from vibroimpact_solvers.meter import hold
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import accurate_start, result_values
 from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
+from vibroimpact_solvers.time_history.derivatives import derived
 from vibroimpact_solvers.time_history.history import History, new_history, some_of
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State
 from vibroimpact_solvers.time_history.run import Arrays, Run, Tick, new_progress
@@ -117,6 +119,8 @@ class RigidMotions:
                 self._bare.copy(), self._problem, self._structure, progress, impacts, history,
                 self._errors,
             )  # fmt: skip
+            if self._problem.parameters:
+                self._differentiate(result, impacts, progress, initial)
         else:
             result = self._continued(initial, arrays, history, stop, tick)
         self._free.append(arrays)
@@ -138,10 +142,37 @@ class RigidMotions:
             reason = Stop(stop)
         run = Run(structure, arrays, problem, history, tick)
         run.finish(reason)
-        return result_values.result_of(
-            self._bare.copy(), problem, structure, run.progress_row, run.all_impacts, history,
+        impacts, progress = run.all_impacts, run.progress_row
+        result = result_values.result_of(
+            self._bare.copy(), problem, structure, progress, impacts, history,
             self._every.of(run.used.values()), run.intervals,
         )  # fmt: skip
+        if problem.parameters:
+            rests = min((rest.start for rest in run.intervals), default=math.inf)
+            self._differentiate(result, impacts, progress, initial, rests / structure.scale)
+        return result
+
+    def _differentiate(
+        self,
+        result: Result,
+        impacts: Rows,
+        progress: np.void,
+        initial: State | ImpactMode,
+        contact: float = math.inf,
+    ) -> None:
+        """Add the derivatives of a motion, the first contact of which begins at a time."""
+        problem = self._problem
+        until, largest = float(progress["known_until"]), np.array([progress["largest"]])
+        errors = self._errors.impacts(
+            impacts, np.array([impacts.size]), largest, np.array([until]),
+            np.array([progress["penetration"]]),
+        )["error_impact_time"]  # fmt: skip
+        if initial is not problem.initial:
+            problem = replace(problem, initial=initial)
+        for name, value in derived(
+            problem, self._structure, impacts, errors, contact, until, int(progress["grazings"])
+        ).items():
+            setattr(result, name, value)
 
     def solve_some(self, x: Floats, v: Floats, start: int, stop: int, tick: Tick) -> Piece:
         """Compute the motions from some of many initial states, each (motion, dof).

@@ -106,6 +106,8 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "one of 13 degrees of freedom requested": {PLACES: (301 * 2, 301 * 13 * 2)},
     # One state instead of six at the end of each free motion.
     "no estimate of errors requested, N=13": {STATES: (321, 381)},
+    # The rates of 301 times 13 displacements, and their errors; why some are none, and how far.
+    "no derivatives of a time history requested, N=13": {NUMBERS: (8140, 16_268)},
     # Of 30 frequencies and 48 solutions, 18 of them with an impact: 13 degrees of freedom, 26
     # multipliers, 33 times.
     "only exists of periodic motions requested, N=13": {NUMBERS: (642, 31_120)},
