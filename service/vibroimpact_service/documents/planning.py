@@ -19,7 +19,7 @@ from vibroimpact_service.kinds import Kind
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
-from vibroimpact_solvers.plan import Plan, Skip, Tick
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Tick
 
 
 class Planned(NamedTuple):
@@ -145,7 +145,7 @@ def plan(
         planned = replace(planned, skips=(*planned.skips, remark))
     if settings is not None:
         joined = hasattr(solver, "follow")
-        large = _LARGE.get(type(document), "/outputs")
+        large = _large(document, planned, settings.max_result_bytes)
         long = partial(costly, kind, document)
         limits.check_plan(planned, settings, joined_in_files=joined, long=long, large=large)
     return Planned(kind, problem, planned, planned.seconds)
@@ -190,6 +190,14 @@ def _as_sent(error: SolverError, kind: Kind, system: Any) -> SolverError:
 
 _LARGE: Final[Mapping[type, str]] = {SweepRequest: "/axes", BranchesRequest: "/points"}
 """Documents without outputs of their own -> the field with which their results grow."""
+
+
+def _large(document: Any, planned: Plan, most: int) -> str:
+    """Return the pointer to the field with which the size of a result grows most."""
+    motion = planned.step(Stage.FREE_MOTION)
+    if motion is not None and motion.bytes > most and "t_end" in type(document).model_fields:
+        return "/t_end"  # of its impacts, however many outputs there are beside them
+    return _LARGE.get(type(document), "/outputs")
 
 
 def costly(kind: Kind, document: Any) -> str:

@@ -25,6 +25,11 @@ from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, WorkerLostEr
 from vibroimpact_solvers.meter import LimitPassedError
 
 _PROGRESS_SECONDS: Final = 0.2
+"""Interval at which the progress of a run that has just begun is recorded."""
+_PROGRESS_PART: Final = 0.02
+"""Interval of a run that takes longer, as a part of its time so far: each record is a transaction,
+and a query and a message for everybody who follows the job."""
+_MAX_PROGRESS_SECONDS: Final = 2.0
 _FAST_SECONDS: Final = 1.0
 """Planned work below which the chunks of a job are computed in the fast queue."""
 _FEW_CHUNKS: Final = 32
@@ -53,6 +58,7 @@ class JobRun(Run):
         self.queue_name = FAST if job.seconds < _FAST_SECONDS else BULK
         self._reported: Future[bool] | None = None
         self._reported_at = 0.0
+        self._told: dict[str, Any] = {}
         self._kept = 0
 
     def _run(self) -> None:
@@ -86,9 +92,11 @@ class JobRun(Run):
         return self.context.engine.values([call])[0]
 
     def progress(self, done: int, total: int) -> None:
-        """Report how many chunks are stored, at intervals."""
-        if time.monotonic() - self._reported_at > _PROGRESS_SECONDS:
-            self._report(phase="computing", done=done, total=total, kept=self._kept)
+        """Report how many chunks are stored, at intervals, where there are more than before."""
+        now = time.monotonic()
+        values = {"phase": "computing", "done": done, "total": total, "kept": self._kept}
+        if values != self._told and now - self._reported_at > progress_seconds(now - self._began):
+            self._report(**values)
 
     def _report(self, **values: Any) -> None:
         """Record the progress; its outcome is checked when the next report is due."""
@@ -100,6 +108,7 @@ class JobRun(Run):
                 return
             if last.exception() is None and not last.result():
                 raise ClaimLostError
+        self._told = values
         claim_owner, records = self.context.claim_owner, self.context.records
         self._reported = records.submit(claims.report, claim_owner, self.job.id, values)
         self._reported.add_done_callback(lambda _: self.context.notify([self.job.id]))
@@ -257,6 +266,11 @@ class _ChunkBatches:
         each = max(spent / len(batch), 1e-5)
         self._seconds = each if self._measured_at is None else 0.5 * (self._seconds + each)
         self._measured_at = now
+
+
+def progress_seconds(elapsed: float) -> float:
+    """Return the interval at which the progress of a run is recorded after so many seconds."""
+    return min(_MAX_PROGRESS_SECONDS, max(_PROGRESS_SECONDS, _PROGRESS_PART * elapsed))
 
 
 def batch_seconds(workers: int) -> float:

@@ -43,7 +43,7 @@ def plan(problem: Problem) -> Plan:
     Raises
     ------
     PlanError
-        Where the states of one motion take more memory than there is.
+        Where the states of one motion take more memory than there is, or its periods too long.
     """
     if _each(problem) > _LARGEST:
         periods = f"{problem.settle} + {problem.observe} periods"
@@ -52,9 +52,20 @@ def plan(problem: Problem) -> Plan:
         )
         more = "settle" if problem.settle > problem.observe else "observe"
         raise PlanError(f"{message}: settle and observe for less time", (more,))
-    of_one = time_history.plan(time_history.of_mean_speed(problem.pattern, problem.v))
+    of_one = _history(problem)
     skips = (Skip(name, "not requested") for name in OUTPUTS if name not in problem.outputs)
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(skips))
+
+
+def _history(problem: Problem) -> Plan:
+    """Return the plan of one motion; an end that it never reaches is that of its periods."""
+    try:
+        return time_history.plan(time_history.of_mean_speed(problem.pattern, problem.v))
+    except PlanError as error:
+        if error.pointer != ("t_end",):
+            raise
+        periods = f"{problem.settle} + {problem.observe} periods of the drive are too long"
+        raise PlanError(f"{periods}: {error.message}", ("frequency",)) from None
 
 
 def _batch(problem: Problem) -> int:

@@ -11,6 +11,7 @@ The deviations that the motion starts with are these errors, and the roundings o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -78,8 +79,12 @@ def _modal_coordinates(
     rounding = EPS * EPS if low.size else 0.5 * EPS  # of entries of the modes
     angles = np.zeros(natural.roots.size) if natural.angles is None else natural.angles
     moved = np.stack([x, v], axis=1)
-    by_mass, by_mass_error = _projected(shapes, low, products.product(system.M, moved), rounding)
-    by_force, by_force_error = _projected(shapes, low, products.product(system.K, moved), rounding)
+    both = zip(products.product(system.M, moved), products.product(system.K, moved), strict=True)
+    given = [np.concatenate(parts, axis=1) for parts in both]
+    projected, errors = _projected(shapes, low, given, rounding)
+    (by_mass, by_force), (by_mass_error, by_force_error) = (
+        np.split(each, 2, axis=1) for each in (projected, errors)
+    )
     by_mass_error += angles[:, np.newaxis] * np.linalg.norm(by_mass, axis=0)
     by_force_error += angles[:, np.newaxis] * np.linalg.norm(by_force, axis=0)
     values = natural.roots * (1.0 + _rests(structure))
@@ -96,13 +101,16 @@ def _modal_coordinates(
 
 
 def _projected(
-    shapes: Floats, low: Floats, given: tuple[Floats, Floats, Floats], rounding: float
+    shapes: Floats, low: Floats, given: Sequence[Floats], rounding: float
 ) -> tuple[Floats, Floats]:
-    """Return products of all modes with some columns, and their errors, each (mode, column)."""
+    """Return products of all modes with some columns, and their errors, each (mode, column).
+
+    The matrix of modes is read along its rows: the loop over modes is a vector loop.
+    """
     high, rest, error = given
-    whole, part = doubled.product(shapes.T, low.T, high, rest, False)
+    whole, part = doubled.product(high.T, rest.T, shapes, low, False)
     size = doubled.roundings(len(shapes)) + rounding
-    return whole + part, np.abs(shapes).T @ (size * np.abs(high) + error)
+    return (whole + part).T, ((size * np.abs(high) + error).T @ np.abs(shapes)).T
 
 
 def _rests(structure: Structure) -> Floats:

@@ -17,10 +17,13 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ModelError
 
 SLOW_TURN: Final = 1.0
 """Turn until the end below which a rigid body's steady response to a load is larger than what the
 load moves it by."""
+_MOST_RADIANS: Final = 2.0**52
+"""Phase of a load at the end from which on a rounding of t_end is a turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,3 +162,22 @@ def samples(loads: Sequence[Load], t_end: float) -> int:
     """Return how many samples of loads lie within a motion."""
     given = (term.t for term in loads if isinstance(term, Sampled))
     return sum(int(((t > 0.0) & (t < t_end)).sum()) for t in given)
+
+
+def require_phases(load: tuple[Load, ...], t_end: float) -> None:
+    """Refuse loads of so many periods that double precision does not resolve their phase.
+
+    Raises
+    ------
+    ModelError
+    """
+    for place, term in enumerate(load):
+        if isinstance(term, Sampled):
+            continue
+        radians = term.frequency * t_end
+        if radians > _MOST_RADIANS:
+            message = (
+                f"the load turns by {radians:.2g} rad until t_end = {t_end!r}, where "
+                "neighbouring numbers in double precision are more than 1 rad apart"
+            )
+            raise ModelError(("load", place, "frequency"), message, code="out_of_range")

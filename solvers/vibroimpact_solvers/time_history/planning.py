@@ -15,12 +15,16 @@ from vibroimpact_solvers import condensation, impact_modes, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.body import Body
 from vibroimpact_solvers.derivatives import Parameter
-from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import Coordinates, System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.time_history import ends
 from vibroimpact_solvers.time_history.derivatives import SHAKEN_MOTIONS
-from vibroimpact_solvers.time_history.loads import Sampled, largest_frequency, samples
+from vibroimpact_solvers.time_history.loads import (
+    largest_frequency,
+    require_phases,
+    samples,
+)
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
@@ -37,15 +41,10 @@ _DOUBT = 1e-10  # of the diagonal of K, within which it may be singular
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
 _LARGE = 100.0  # of the fastest frequency over the slowest one of larger structures
 _QUICK = 2e7  # operations of some nanoseconds for which a plan looks what walls are within reach
-
-
-MOST_IMPACTS: Final = 10**11
-"""Motions that are known to have more of them, which take days, are refused."""
 _FLOPS_PER_SECOND, _BYTES_PER_SECOND = 1e9, 5e8  # by which windows are cut, whatever they take
 _SAMPLE = 1.5e5  # work at a sample of a load
 _ROW = 72.0  # bytes of an impact
 _IN_A_RADIAN = 16.0  # impacts for each radian of the slow modes: fast motions of beams have 5 to 25
-_MOST_RADIANS = 2.0**52  # phase of a load at the end from which on a rounding of t_end is a turn
 SECONDS: Final = 0.5
 """Planned work of a window of a long motion."""
 BYTES: Final = 4.0e6
@@ -70,75 +69,20 @@ def plan(problem: Problem) -> Plan:
     ModelError
         Where double precision does not tell at which phase of a load the motion ends.
     PlanError
-        Where the motion certainly has more than `MOST_IMPACTS`.
+        Where its end is never reached: see `ends`.
     """
-    _require_phases(problem)
-    _require_end(problem)
+    require_phases(problem.load, problem.t_end)
     far = _far(problem)
-    return Plan(KIND, tuple(_steps(problem, far)), _skips(problem, far))
+    plan = Plan(KIND, tuple(_steps(problem, far)), _skips(problem, far))
+    if plan.seconds > ends.LONG:
+        ends.check(problem, plan.seconds)
+    return plan
 
 
 def windows(plan: Plan) -> int:
     """Return the number of windows of time in which the motion is computed by a plan."""
     step = plan.step(Stage.FREE_MOTION)
     return 1 if step is None or step.method != Method.MODAL else step.count
-
-
-def _require_phases(problem: Problem) -> None:
-    """Refuse loads of so many periods that double precision does not resolve their phase."""
-    for place, term in enumerate(problem.load):
-        if isinstance(term, Sampled):
-            continue
-        radians = term.frequency * problem.t_end
-        if radians > _MOST_RADIANS:
-            message = (
-                f"the load turns by {radians:.2g} rad until t_end = {problem.t_end!r}, where "
-                "neighbouring numbers in double precision are more than 1 rad apart"
-            )
-            raise ModelError(("load", place, "frequency"), message, code="out_of_range")
-
-
-def _require_end(problem: Problem) -> None:
-    """Refuse a motion of one mass that loses nothing and strikes too often until its end."""
-    least = _least_impacts(problem)
-    if least > MOST_IMPACTS:
-        message = f"at least {least:.2g} impacts until t_end = {problem.t_end!r}"
-        message = f"{message} are more than {MOST_IMPACTS:.0e}: ask for less time"
-        raise PlanError(message, ("t_end",))
-
-
-def _least_impacts(problem: Problem) -> float:
-    """Return a lower bound of the number of impacts, where it is known before the motion is.
-
-    One mass that loses nothing strikes in each of its natural periods, if it swings far enough,
-    and crosses the gap at its speed for ever, if nothing holds it.
-    """
-    system, state = problem.system, problem.initial
-    alone = system.n == 1 and system.C is None and not problem.load and problem.limiter is None
-    alone &= not problem.stopped
-    lossless = alone and all(c.restitution == 1.0 for c in system.constraints)
-    if not lossless or not isinstance(state, State) or problem.method != EXACT:
-        return 0.0
-    mass, stiffness = float(system.M.main_diagonal[0]), float(system.K.main_diagonal[0])
-    force = 0.0 if system.force is None else float(system.force[0])
-    x, speed = float(state.x[0]), abs(float(state.v[0]))
-    walls = [
-        side * wall / weight
-        for c in system.constraints
-        for _, weight in c.coordinate
-        for side, wall in ((-1.0, c.lower), (1.0, c.upper))
-        if wall is not None
-    ]
-    below = max((wall for wall in walls if wall <= x), default=-math.inf)
-    above = min((wall for wall in walls if wall >= x), default=math.inf)
-    if stiffness == 0.0 == force and speed > 0.0:
-        return problem.t_end * speed / (above - below) - 1.0 if above > below else 0.0
-    if stiffness <= 0.0 or not below < force / stiffness < above:
-        return 0.0
-    rest, frequency = force / stiffness, math.sqrt(stiffness / mass)
-    swing = math.hypot(x - rest, speed / frequency) * (1.0 - 1e-12)
-    strikes = rest + swing > above or rest - swing < below
-    return problem.t_end * frequency / (2.0 * math.pi) - 1.0 if strikes else 0.0
 
 
 def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:

@@ -378,3 +378,20 @@ def test_the_process_ends_beside_a_computation_that_notices_nothing() -> None:
         "cli._end_threads()\n"
     )
     assert subprocess.run([sys.executable, "-c", stuck], timeout=60, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("t_end", "status", "code"), [(1e30, 422, "not_possible"), (1e10, 413, "result_too_large")]
+)
+def test_histories_without_end_are_refused_by_their_end(
+    http: TestClient, t_end: float, status: int, code: str
+) -> None:
+    stop = {"dof": 1, "gap": 0.2}
+    history = {
+        "system": {"preset": "chain", "n": 3, "constraints": [stop]},
+        "initial": {"x": [0.0] * 3, "v": [1.0, 0.0, 0.0]},
+        "t_end": t_end,
+    }
+    for address in ("/v1/plan/time-history", "/v1/compute/time-history"):
+        refused = problem(http.post(address, json=history), status).errors[0]
+        assert (refused.pointer, refused.code) == ("/t_end", code)
