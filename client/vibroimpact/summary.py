@@ -27,7 +27,7 @@ def summary(result: ResultFile) -> str:
     lines += [_line(name, result, errors.get(name)) for name in names]
     lines += [f"  {name}: {rows} rows" for name, rows in result.row_counts().items()]
     statement = errors.get("statement")
-    lines += [f"  caution: {sentence}" for sentence in result.neglected]
+    lines += [f"  caution: {sentence}" for sentence in (*result.neglected, *result.cautions)]
     return "\n".join([*lines, *([f"  errors: {statement}"] if statement else [])])
 
 

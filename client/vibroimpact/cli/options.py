@@ -14,7 +14,7 @@ from rich.console import Console
 
 from vibroimpact.client import Client
 from vibroimpact.config import connection
-from vibroimpact.errors import NeglectedWarning
+from vibroimpact.errors import NeglectedWarning, StructureWarning
 from vibroimpact.kinds import KINDS
 from vibroimpact.results import Result
 
@@ -84,13 +84,14 @@ def fetched(get: Callable[[], Result]) -> Result:
     """Return a result; what it neglects is said by `show`, and not by a warning of Python."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NeglectedWarning)
+        warnings.simplefilter("ignore", StructureWarning)
         return get()
 
 
 def show(result: Result, out: Path | None, plot: Path | None, output: str | None) -> None:
     """Write the files that were asked for, and say so; without any, say what the result has."""
     said = Console(stderr=True, soft_wrap=True)
-    for sentence in result.neglected:
+    for sentence in (*result.neglected, *result.cautions):
         said.print(f"caution: {sentence}", highlight=False, markup=False, style="yellow")
     if out is not None:
         said.print(f"written: {result.to_hdf5(out)}", highlight=False)

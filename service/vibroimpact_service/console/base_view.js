@@ -5,6 +5,7 @@ import { button, make, settled } from "./dom.js";
 import { hasInvalid, showError } from "./fields.js";
 import { copyOf, standing } from "./figure.js";
 import { goOn, keep, keptFigures, keptOf } from "./kept.js";
+import { cautions } from "./natural.js";
 import { duration } from "./numbers.js";
 import { progressLine, working } from "./progress.js";
 import { report } from "./report.js";
@@ -209,7 +210,7 @@ export class BaseView {
     this.result = result;
     this.answered("result");
     this.checked();
-    this.say([...more, ...(result.neglected || [])]);
+    this.say([...cautions(), ...more, ...(result.neglected || [])]);
     this.tools.update();
     // Once it is drawn.
     requestAnimationFrame(() => goOn(() => this.#keep()));

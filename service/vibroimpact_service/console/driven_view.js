@@ -72,6 +72,7 @@ export class DrivenView extends BaseView {
     /** @type {any} */ this.branches = null;
     /** @type {Motion[]} */ this.motions = [];
     /** @type {Curve | null} */ this.curve = null;
+    /** Admissible motions that meet a stop. */ this.met = 0;
     /** @type {any} */ this.motion = null;
     this.slider = make("input", { type: "range", class: "cursor-slider", step: "any", "aria-label": "Frequency Ω of the drive at the cursor" });
     this.branchNote = make("p", { class: "hint" });
@@ -118,10 +119,10 @@ export class DrivenView extends BaseView {
       numberField(labelled("Ω from", "Omega"), now.from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
       numberField("points", now.points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
+      numberField("Periods of the drive", now.periods, this.set("periods"), { pointer: "/periods", min: 1, whole: true, name: "periods" }),
       choiceField("Impacts per period", [["upper", "one, upper side"], ["lower", "one, lower side"], ["symmetric", "both sides, symmetric"], ["list", "a sequence …"]],
         now.sequence, (value) => this.reshape({ sequence: value }), { pointer: "/sequence", name: "sequence" }),
       ...(now.sequence === "list" ? [this.#sequenceField(now.list || "0+ 0-")] : stops.length > 1 ? [choiceField("of", stops, String(now.stop), (value) => this.change({ stop: Number(value) }), { name: "stop" })] : []),
-      numberField("Periods of the drive", now.periods, this.set("periods"), { pointer: "/periods", min: 1, whole: true, name: "periods" }),
       numberField("branches that begin on others", now.switch, this.set("switch"), { pointer: "/switch", min: 0, max: 100, whole: true, name: "switch" }),
       loadFields(now.load, "harmonic", this),
     ];
@@ -210,7 +211,7 @@ export class DrivenView extends BaseView {
     if (this.drawing) this.drawing.destroy();
     const holder = make("div");
     this.figure.replaceChildren(holder);
-    const count = single.filter(({ exists, impacts }) => exists && impacts > 0).length;
+    const count = this.met = single.filter(({ exists, impacts }) => exists && impacts > 0).length;
     const known = special.filter(({ exists }) => exists);
     this.curve = this.drawing = new Curve(holder, {
       x: labelled("frequency Ω of the drive", "Omega"), y: axisOfWhat("amplitude", coordinate), height: 340, zoom: this.zoom,
@@ -273,7 +274,8 @@ export class DrivenView extends BaseView {
   /** @param {Motion | null} motion */
   #hover(motion) {
     if (motion === null) {
-      this.readout.textContent = `${this.result.solution.Omega.length} solutions${this.branches ? `, ${new Set(this.branches.solution.branch).size} branches` : ""}. Click one to see it move.`;
+      const followed = this.branches ? new Set(this.branches.solution.branch).size : 0;
+      this.readout.textContent = `${this.result.solution.Omega.length} solutions, ${this.met || "none"} of them admissible with ${met()}${followed ? `; ${followed} branch${followed > 1 ? "es" : ""}` : ""}. Click one to see it move.`;
       return;
     }
     const { Omega, height, impacts, exists, stability, reason } = motion;
