@@ -564,8 +564,8 @@ class MatrixSystem(TypedDict):
     """Damping matrix, symmetric, shape [n, n]."""
     force: NotRequired[Sequence[float] | None]
     """Constant load, shape [n]."""
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
 
@@ -581,8 +581,8 @@ class Chain(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["chain"]
@@ -605,8 +605,8 @@ class Oscillator(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["oscillator"]
@@ -627,8 +627,8 @@ class TwoMass(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["two_mass"]
@@ -651,8 +651,8 @@ class DoublePendulum(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["double_pendulum"]
@@ -671,8 +671,8 @@ class BouncingBall(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["bouncing_ball"]
@@ -695,8 +695,8 @@ class Absorber(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["absorber"]
@@ -724,8 +724,8 @@ class Beam(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["beam"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,6 +32,14 @@ else:  # any word: a service can be newer than this program
 RequestFile = Annotated[
     str, typer.Argument(help="File of the request (JSON); - for standard input.", metavar="FILE")
 ]
+Model = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="File with matrices of the structure, as read_model reads it; given once for each "
+        "file. The request's system adds stops, damping, units.",
+        dir_okay=False,
+    ),
+]
 Url = Annotated[str | None, typer.Option(help="Address of the service.", envvar="VIBROIMPACT_URL")]
 Profile = Annotated[
     str | None,
@@ -47,19 +55,37 @@ Plot = Annotated[
 Output = Annotated[str | None, typer.Option(help="The output that is plotted.")]
 
 
-def request(file: str) -> Any:
-    """Return the request in a file or on standard input.
+def request(file: str, model: Sequence[Path] | None = None) -> Any:
+    """Return the request in a file or on standard input, about a model where there is one.
+
+    With a model, nothing on the standard input of a terminal stands for an empty request.
 
     Raises
     ------
     ValueError
-        If it is not a JSON object.
+        If it is not a JSON object, or the model cannot be read.
     """
+    document = _document(file, optional=bool(model))
+    if not model:
+        return document
+    from vibroimpact.models import read_model  # needs scipy
+
+    return document | {"system": read_model(*model).system(()) | document.get("system", {})}
+
+
+def _document(file: str, *, optional: bool) -> dict[str, Any]:
+    """Return the JSON object in a file or on standard input."""
+    if optional and file == "-" and sys.stdin.isatty():
+        return {}
     text = sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
+    if optional and not text.strip():
+        return {}
     try:
         document = json.loads(text)
     except ValueError as error:
-        raise ValueError(f"{'standard input' if file == '-' else file}: {error}") from None
+        where = "standard input" if file == "-" else file
+        hint = "" if text.lstrip()[:1] in "{[" else "; files with matrices are given by --model"
+        raise ValueError(f"{where} is no request in JSON: {error}{hint}") from None
     match document:
         case dict():
             return document

@@ -258,7 +258,7 @@ export class BaseView {
   /**
    * Compute what may take long: at once where the plan says that it is quick, else by a button.
    * @param {Request} request
-   * @param {{place: HTMLElement, text: (time: string) => string, act: string, use: (result: any) => void,
+   * @param {{place: HTMLElement, text: (time: string, seconds: number) => string, act: string, use: (result: any) => void,
    *   queued?: boolean}} offer queued: as a job, unless the result is known
    * @param {AbortSignal} signal
    * @param {OnJob} onJob
@@ -272,7 +272,7 @@ export class BaseView {
       await now(onJob);
       return;
     }
-    place.replaceChildren(text(duration(seconds)), " ", button(act, () => {
+    place.replaceChildren(text(duration(seconds), seconds), " ", button(act, () => {
       place.replaceChildren();
       working(this.progress, now).catch(showError);
     }, { class: "quiet" }));

@@ -25,6 +25,8 @@ const STEP = 1e-4;
 const OUTPUTS = ["exists", "extremes", "energy", "stability"];
 /** Longest step along a branch: fine enough to be drawn. */
 const LONGEST = 0.05;
+/** Planned seconds from which the page advises what would take less. */
+const LONG_WAIT = 60;
 /** Special points that the page lists; the others are only marked. */
 const LISTED = 24;
 /** Frequencies at most whose motions are marked by points where branches are drawn. */
@@ -171,7 +173,7 @@ export class DrivenView extends BaseView {
     const { Omega, height } = state.fields;
     await this.offered(branches, {
       place: this.branchNote, act: "Follow them",
-      text: (time) => `To follow the branches and locate their special points takes about ${time}.`,
+      text: (time, seconds) => `To follow the branches and locate their special points takes about ${time}.${seconds > LONG_WAIT ? " Fewer branches that begin on others, a narrower range, or a structure reduced to its lowest modes (vi.reduce in Python) take less." : ""}`,
       queued: true,
       use: (result) => {
         this.branches = result;
