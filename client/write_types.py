@@ -185,7 +185,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from vibroimpact.errors import warn_of_neglected
+from vibroimpact.errors import warn_of_structure
 from vibroimpact.parts import Parts
 from vibroimpact.derivatives import Derivatives
 from vibroimpact.result_file import reading
@@ -213,12 +213,13 @@ KINDS: Final[dict[str, type[Result]]] = {{
 def read(content: bytes | Path | Parts) -> Result:
     """Return a result as what it is: the file of it, where that lies, or what it would have.
 
-    Warns of what of the structure has no effect on it (`NeglectedWarning`).
+    Warns of what of the structure has no effect on it (`NeglectedWarning`), and of what is
+    seldom meant in it (`StructureWarning`).
     """
     with reading(content) as file:
         kind = str(file.attrs["kind"])
     result = KINDS.get(kind, Result)(content)
-    warn_of_neglected(result.kind, result.neglected)
+    warn_of_structure(result.kind, result.neglected, result.cautions)
     return result
 '''
     return "\n\n".join([head, *tables.classes.values(), *classes, end])

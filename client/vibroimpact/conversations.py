@@ -28,7 +28,7 @@ from vibroimpact.errors import (
     ServerError,
     VibroimpactError,
     from_problem,
-    warn_of_neglected,
+    warn_of_structure,
 )
 from vibroimpact.parts import Parts
 from vibroimpact.plain import plain
@@ -253,9 +253,12 @@ def batch(
         one["result"] if one.get("problem") is None else from_problem(one["problem"])
         for one in answer.json()["answers"]
     ]
-    results = (one for one in answers if not isinstance(one, ServerError))
-    sentences = (text for one in results for text in one.get("neglected") or ())
-    warn_of_neglected(kind, list(dict.fromkeys(sentences)))
+    results = [one for one in answers if not isinstance(one, ServerError)]
+    neglected, cautions = (
+        list(dict.fromkeys(text for one in results for text in one.get(name) or ()))
+        for name in ("neglected", "cautions")
+    )
+    warn_of_structure(kind, neglected, cautions)
     return answers
 
 

@@ -575,8 +575,8 @@ class MatrixSystem(TypedDict):
     """Damping matrix, symmetric, shape [n, n]."""
     force: NotRequired[Sequence[float] | None]
     """Constant load, shape [n]."""
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
 
@@ -592,8 +592,8 @@ class Chain(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["chain"]
@@ -616,8 +616,8 @@ class Oscillator(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["oscillator"]
@@ -638,8 +638,8 @@ class TwoMass(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["two_mass"]
@@ -662,8 +662,8 @@ class DoublePendulum(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["double_pendulum"]
@@ -682,8 +682,8 @@ class BouncingBall(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["bouncing_ball"]
@@ -706,8 +706,8 @@ class Absorber(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["absorber"]
@@ -735,8 +735,8 @@ class Beam(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
-    constraints: Sequence[Constraint]
-    """Limiters; results refer to them by position."""
+    constraints: NotRequired[Sequence[Constraint]]
+    """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
     """Absent: dimensionless."""
     preset: Literal["beam"]

@@ -18,7 +18,8 @@
         ├── TooManyRequests    429
         └── Unavailable        5xx
 
-``NeglectedWarning`` is no error: a part of the structure has no effect on a result.
+``NeglectedWarning`` is no error: a part of the structure has no effect on a result. Nor is
+``StructureWarning``: the structure is permitted, but seldom meant so.
 """
 
 from __future__ import annotations
@@ -42,6 +43,10 @@ class VibroimpactError(Exception):
 
 class NeglectedWarning(UserWarning):
     """A part of the structure has no effect on a result, such as damping on impact modes."""
+
+
+class StructureWarning(UserWarning):
+    """A structure is permitted but seldom meant so, such as one with an indefinite K."""
 
 
 class ConnectionFailed(VibroimpactError):
@@ -167,14 +172,20 @@ def as_answered() -> Iterator[None]:
         raise from_problem(failed.problem) from failed
 
 
-def warn_of_neglected(kind: str, sentences: Sequence[str]) -> None:
-    """Warn that parts of the structure have no effect, at the line that called this package."""
+def warn_of_structure(kind: str, neglected: Sequence[str], cautions: Sequence[str] = ()) -> None:
+    """Warn of parts of the structure without effect, and of what is seldom meant in it."""
+    _warn(kind, neglected, NeglectedWarning)
+    _warn(kind, cautions, StructureWarning)
+
+
+def _warn(kind: str, sentences: Sequence[str], category: type[Warning]) -> None:
+    """Warn at the line that called this package."""
     if not sentences:
         return
     frame, level = inspect.currentframe(), 1
     while frame is not None and _is_ours(str(frame.f_globals.get("__name__", ""))):
         frame, level = frame.f_back, level + 1
-    warnings.warn(f"{kind}: {'; '.join(sentences)}", NeglectedWarning, stacklevel=level)
+    warnings.warn(f"{kind}: {'; '.join(sentences)}", category, stacklevel=level)
 
 
 def _is_ours(module: str) -> bool:

@@ -52,6 +52,8 @@ class ResultFile:
     neglected : tuple of str
         What of the structure has no effect on the result, a sentence each, such as damping on
         impact modes; empty where all of it has.
+    cautions : tuple of str
+        What of the structure is permitted but seldom meant, such as an indefinite K.
     """
 
     PARTS: ClassVar[Mapping[str, type[Table]]] = {}
@@ -69,6 +71,7 @@ class ResultFile:
             self.plan: Mapping[str, Any] = json.loads(str(file.attrs["plan"]))
             self.of = str(file.attrs.get("of", self.kind))
             self.neglected = tuple(str(file.attrs.get("neglected", "")).splitlines())
+            self.cautions = tuple(str(file.attrs.get("cautions", "")).splitlines())
 
     def _array_names(self) -> list[str]:
         return self._names[0]
@@ -245,6 +248,8 @@ class ResultFile:
         }
         if self.neglected:
             head["neglected"] = list(self.neglected)
+        if self.cautions:
+            head["cautions"] = list(self.cautions)
         arrays = {name: _plain(values) for name, values in self._arrays.items()}
         return head | arrays | {name: _plain(table) for name, table in self._tables.items()}
 

@@ -125,7 +125,11 @@ class Result(ResultFile):
         """Return the kind, the digest and the sizes of the outputs; natural frequencies follow."""
         sizes = [f"{name} {self._about[name].shape}" for name in self._arrays]
         sizes += [f"{name} ({rows} rows)" for name, rows in self.row_counts().items()]
-        more = [*self.neglected, *([] if self.sensitivity is None else [str(self.sensitivity)])]
+        more = [
+            *self.neglected,
+            *self.cautions,
+            *([] if self.sensitivity is None else [str(self.sensitivity)]),
+        ]
         said = "".join(f"; {sentence}" for sentence in more)
         text = f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{said}>"
         if self.kind == "natural-frequencies":
@@ -155,7 +159,7 @@ class Result(ResultFile):
         head = f"<b>{html.escape(self.kind)}</b> <code>{self.digest[:12]}</code>"
         head += "".join(
             f"<p style='{_AMBER}'>{html.escape(each[:1].upper() + each[1:])}.</p>"
-            for each in self.neglected
+            for each in (*self.neglected, *self.cautions)
         )
         if self.kind == "natural-frequencies":
             head += html_table(*natural_modes.rows(self))

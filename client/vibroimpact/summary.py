@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact.result_file import ResultFile
+from vibroimpact.tables import Table
 
 _LARGEST = 4_000_000
 """Values up to which an output is read to be summarised."""
@@ -25,9 +26,12 @@ def summary(result: ResultFile) -> str:
     lines = [f"{result.kind}, result {result.digest[:12]}"]
     names = [*result.axis_names(), *result.outputs()]
     lines += [_line(name, result, errors.get(name)) for name in names]
-    lines += [f"  {name}: {rows} rows" for name, rows in result.row_counts().items()]
+    lines += [
+        f"  {name}: {rows} rows{_of_table(name, getattr(result, name), rows)}"
+        for name, rows in result.row_counts().items()
+    ]
     statement = errors.get("statement")
-    lines += [f"  caution: {sentence}" for sentence in result.neglected]
+    lines += [f"  caution: {sentence}" for sentence in (*result.neglected, *result.cautions)]
     return "\n".join([*lines, *([f"  errors: {statement}"] if statement else [])])
 
 
@@ -42,6 +46,18 @@ def _line(name: str, result: ResultFile, error: Any) -> str:
     told = _told(values)
     worst = _worst(error)
     return f"{head}: {told}{'' if worst is None else f'; errors up to {worst:.2g}'}"
+
+
+def _of_table(name: str, table: Table, rows: int) -> str:
+    """Return how many rows of a table are admissible, or how wide bands are together."""
+    if not 0 < rows <= _LARGEST:
+        return ""
+    if "exists" in table:
+        return f", {int(np.count_nonzero(table.exists))} admissible"
+    if name in {"bands", "rejected"}:
+        widths = table.stop - table.start
+        return f", together {np.nansum(widths):.4g} wide, the widest {np.nanmax(widths):.4g}"
+    return ""
 
 
 def _told(values: np.ndarray[Any, Any]) -> str:

@@ -31,6 +31,12 @@ class Result(Document):
         description="What of the structure has no effect on the result, a sentence each; absent "
         "where all of it has.",
     )
+    cautions: list[str] | None = Field(
+        None,
+        description="What of the structure is permitted but seldom meant, a sentence each, such "
+        "as an indefinite K; natural frequencies tell it. Absent where there is nothing of that "
+        "kind.",
+    )
     plan: Steps
     provenance: Provenance
 

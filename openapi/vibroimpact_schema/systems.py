@@ -290,7 +290,9 @@ class MatrixSystem(Structure):
     K: Matrix = Field(description="Stiffness matrix, symmetric, shape [n, n].")
     C: Matrix | None = Field(None, description="Damping matrix, symmetric, shape [n, n].")
     force: Numbers | None = Field(None, description="Constant load, shape [n].")
-    constraints: Constraints = Field(description="Limiters; results refer to them by position.")
+    constraints: Constraints = Field(
+        [], description="Limiters; results refer to them by position. Absent: none."
+    )
     units: Units | None = Field(None, description="Absent: dimensionless.")
 
     @model_validator(mode="after")
@@ -315,7 +317,9 @@ class SystemReference(Document):
 class Preset(Structure):
     """Fields of all presets."""
 
-    constraints: Constraints = Field(description="Limiters; results refer to them by position.")
+    constraints: Constraints = Field(
+        [], description="Limiters; results refer to them by position. Absent: none."
+    )
     units: Units | None = Field(None, description="Absent: dimensionless.")
 
 
@@ -410,7 +414,7 @@ System = Annotated[
     Discriminator(
         lambda value: form(value, {"id": "@reference", "preset": "@preset"}, "@matrices"),
         custom_error_type="system_form",
-        custom_error_message="a system is an object with M, K and constraints, "
+        custom_error_message="a system is an object with M and K, "
         "with preset, or with the id of a stored system",
     ),
 ]

@@ -130,7 +130,7 @@ class Assembly:
             if field.scalar is str and not field.array:
                 self._state(set(column))
             elif field.scalar == list[str]:
-                for sentences in column:
+                for sentences in column if name == "neglected" else ():
                     self.neglect(sentences)
             elif name in in_tables and column[0] is not None:
                 values[name] = np.concatenate(column)

@@ -201,3 +201,28 @@ def test_so_does_one_of_the_structure(console: Visit) -> None:
     expect(page.get_by_text(FORMER)).to_be_visible()
     restitution.fill("0.5")
     expect(page.get_by_text(FORMER)).to_have_count(0)
+
+
+INTERCHANGED = {"M": [[2, -1, 0], [-1, 2, -1], [0, -1, 2]], "K": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+INDEFINITE = {"M": [[1, 0], [0, 1]], "K": [[1, 2], [2, 1]]}
+FULL = {"M": [[1, 0], [0, 1]], "K": [[2, -1], [-1, 2]], "C": [[9, 0], [0, 9]]}
+
+
+@pytest.mark.parametrize(
+    ("structure", "said"),
+    [
+        ({"form": "matrices", "matrices": INTERCHANGED}, "M and K may be interchanged"),
+        ({"form": "matrices", "matrices": INDEFINITE}, "K is indefinite"),
+        ({"form": "matrices", "matrices": FULL}, "do not oscillate"),
+        ({"form": "oscillator", "damping": 2}, "The damping ratio is 200 % of the critical one"),
+    ],
+)
+def test_what_is_seldom_meant_is_said_beside_the_answer(
+    console: Visit, structure: dict[str, Any], said: str
+) -> None:
+    page = console.open("history", structure, dof=0, v=1, duration=10)
+    _done(page)
+    expect(page.locator(".cautions")).to_contain_text(said)
+    page = console.open("history", ELASTIC, duration=11)
+    _done(page)
+    expect(page.locator(".cautions .caution")).to_have_count(0)

@@ -139,6 +139,19 @@ def test_logarithmic_axes_have_round_numbers(console: Visit) -> None:
     assert len(ticks[4]) >= 2
 
 
+def test_small_motions_have_short_numbers_at_their_axes(console: Visit, tmp_path: Path) -> None:
+    structure = {"form": "oscillator", "stops": [{"dof": 0, "lower": 2e-5, "upper": 2e-5}]}
+    page = console.open("history", structure, duration=20)
+    expect(page.locator(".readout").first).to_contain_text("impacts")
+    _tools(page)
+    _saved(page, "Save as SVG").save_as(tmp_path / "small.svg")
+    root = ET.parse(tmp_path / "small.svg").getroot()
+    words = [str(each.text) for each in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert "x of coordinate 0, in 10⁻⁶" in words
+    assert {"−20", "20"} <= set(words)
+    assert not [word for word in words if "e−" in word]
+
+
 def test_curves_are_not_stepped(console: Visit) -> None:
     console.page.add_init_script(
         """window.places = [];

@@ -143,3 +143,10 @@ def test_contacts_with_a_stiff_stop_are_motions_that_meet_it(console: Visit) -> 
     expect(page.locator(".values")).to_contain_text("contact time of each")
     expect(page.locator(".readout").first).to_contain_text("solutions.")
     expect(page.locator(".curve").first).to_be_visible()
+
+
+def test_branches_that_take_long_come_with_advice(console: Visit) -> None:
+    structure = {"form": "beam", "parameters": {"elements": 10}, "damping": 0.02}
+    page = console.open("driven", structure, points=20)
+    expect(page.get_by_text("To follow the branches")).to_contain_text("reduced to its lowest")
+    expect(page.get_by_role("button", name="Follow them")).to_be_visible()

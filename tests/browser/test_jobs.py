@@ -206,6 +206,21 @@ def test_jobs_have_names_structures_and_a_search(console: Visit) -> None:
     expect(page.get_by_text("No job that is loaded has these words.")).to_be_visible()
 
 
+def test_a_phone_shows_all_of_a_job(console: Visit) -> None:
+    console.page.set_viewport_size({"width": 390, "height": 844})
+    page = console.open("modes", points=777)
+    expect(page.locator(".readout").first).to_contain_text("777 frequencies")
+    page.get_by_text("Plan and request").click()
+    page.get_by_role("button", name="Queue as a job").click()
+    row = page.locator("table.jobs tbody tr").first
+    expect(row).to_contain_text("succeeded")
+    for part in (row.locator(".named"), row.get_by_role("button", name=re.compile("HDF5"))):
+        box = part.bounding_box()
+        assert box is not None
+        assert 0 < box["x"] < box["x"] + box["width"] <= 390
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+
+
 def test_two_runs_stand_side_by_side(console: Visit) -> None:
     for points in (801, 802):
         page = console.open("modes", {"form": "oscillator"}, points=points)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
+from typer.testing import CliRunner
 
 import vibroimpact as vi
+from vibroimpact.cli.app import app
 
 pytestmark = pytest.mark.needs("compiled kernels")
 
@@ -117,3 +122,26 @@ def test_a_large_model_has_its_lowest_ones() -> None:
     np.testing.assert_allclose(result.Omega, exact, rtol=1e-9)
     assert "certified" in result.error.statement
     assert (result.error.Omega < 1e-12 * result.Omega).all()
+
+
+def test_what_is_seldom_meant_of_a_structure_is_told_everywhere(
+    tmp_path: Path,
+) -> None:
+    K = np.diag([2.0] * 4) - np.diag([1.0] * 3, 1) - np.diag([1.0] * 3, -1)
+    interchanged = vi.system(K, np.eye(4))
+    said = "M has the form of a stiffness matrix"
+    with pytest.warns(vi.StructureWarning, match=f"natural-frequencies: {said}") as caught:
+        result = vi.Local().natural_frequencies(interchanged)
+    assert [each.filename for each in caught] == [__file__]
+    for text in (str(result), repr(result), result._repr_html_(), *result.cautions):
+        assert said in text
+    assert result.to_dict()["cautions"] == list(result.cautions)
+    # Not by a warning of Python where it is printed anyway.
+    request = tmp_path / "request.json"
+    request.write_text(json.dumps(vi.natural_frequencies_request(interchanged)))
+    done = CliRunner().invoke(app, ["compute", "natural-frequencies", str(request)])
+    assert done.exit_code == 0
+    assert done.stderr.count(said) == 1
+    plain = vi.Local().natural_frequencies(vi.system(np.eye(4), K))
+    assert plain.cautions == ()
+    assert "cautions" not in plain.to_dict()

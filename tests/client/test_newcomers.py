@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import vibroimpact as vi
+from vibroimpact.cli.app import app
 from vibroimpact_service.local import RefusedError, plan
 
 M = np.eye(2)
@@ -72,9 +75,28 @@ def test_a_path_that_is_not_there_names_those_that_end_alike() -> None:
 
 def test_models_and_reductions_are_shown_in_a_line() -> None:
     model = vi.Model(M, K, units={"length": "m", "mass": "kg", "time": "s"})
-    said = "<Model: 2 degrees of freedom; 2 nodes (x); no coordinates; m kg s>"
-    assert repr(model) == said
+    said = "counted from 0, without nodes and directions; no coordinates; m kg s"
+    assert repr(model) == f"<Model: 2 degrees of freedom; {said}>"
     assert repr(vi.reduce(model, [(0, "x")], modes=1)).startswith(
         "<Reduction: 2 degrees of freedom to 2: 1 kept, 0 rigid and 1 elastic modes"
     )
     assert repr(vi.Local()) == "<Local: computes in a process beside the program>"
+
+
+def test_the_command_line_takes_files_with_matrices(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "M.csv", M, delimiter=",")
+    np.savetxt(tmp_path / "K.csv", K, delimiter=",")
+    files = ["--model", str(tmp_path / "M.csv"), "--model", str(tmp_path / "K.csv")]
+    done = CliRunner().invoke(app, ["compute", "natural-frequencies", *files, "--json"])
+    assert done.exit_code == 0, done.stderr
+    np.testing.assert_allclose(json.loads(done.stdout)["Omega"], [1.0, 3.0**0.5], rtol=1e-14)
+    # Stops are those of the request, in its system.
+    request = {"system": {"constraints": [{"dof": 1, "gap": 0.1}]}, "frequency": {"values": [2.0]}}
+    text = json.dumps(request)
+    done = CliRunner().invoke(app, ["compute", "impact-modes", *files, "--json"], input=text)
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["exists"] == [True]
+    wrong = CliRunner().invoke(app, ["compute", "impact-modes", str(tmp_path / "K.csv")])
+    assert isinstance(wrong.exception, ValueError)
+    assert "K.csv is no request in JSON" in str(wrong.exception)
+    assert "files with matrices are given by --model" in str(wrong.exception)

@@ -118,3 +118,15 @@ def test_jobs_are_a_table_and_can_still_be_gone_through() -> None:
     assert "<td" in jobs._repr_html_()
     assert [job.id for job in jobs] == [f"job_{i}" for i in range(1, 30)]
     assert repr(_jobs(0)) == "no jobs"
+
+
+def test_tables_of_solutions_and_bands_are_summarised() -> None:
+    stop = [vi.constraint(0, 1.0)]
+    driven = vi.oscillator(stop, 1.0, zeta=0.05)
+    motions = vi.Local().periodic_motions(driven, (0.7, 1.6, 30), [vi.drive(0, 1.0)])
+    count = int(motions.solution.exists.sum())
+    assert f"solution: {motions.solution.exists.size} rows, {count} admissible" in str(motions)
+    bands = vi.Local().existence_bands(vi.chain(5, [vi.constraint(2, 0.1)]), 1.0, 2.5)
+    widths = bands.bands.stop - bands.bands.start
+    said = f"{widths.size} rows, together {widths.sum():.4g} wide, the widest {widths.max():.4g}"
+    assert f"bands: {said}" in str(bands)

@@ -13,7 +13,7 @@ import scipy.sparse
 
 from tests.solvers.beams import cantilever
 from tests.solvers.structures import chain, random_system
-from vibroimpact_solvers import natural_frequencies
+from vibroimpact_solvers import damping, natural_frequencies, presets
 from vibroimpact_solvers.errors import Cancelled, ModelError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.natural_frequencies import OUTPUTS, Problem, Result
@@ -488,3 +488,42 @@ def test_static_solves_cost_less_where_the_matrix_is_banded() -> None:
         assert step is not None
         costs.append(step.flops)
     assert costs[0] < 0.2 * costs[1]
+
+
+def test_interchanged_matrices_are_told_from_ordinary_ones() -> None:
+    said = "M has the form of a stiffness matrix, and K has not: M and K may be interchanged"
+    for right in (
+        chain(2, 0), chain(13), cantilever(6), grid(5, 7), grid(4, 5, free=True),
+        presets.double_pendulum([], 2.0), presets.two_mass([], 1.0), random_system(3, 12, []),
+    ):  # fmt: skip
+        assert solved(right, count=1).cautions is None
+    for wrong in (chain(2, 0), chain(13), cantilever(6), grid(5, 7)):
+        swapped = System(wrong.K, wrong.M, wrong.constraints)
+        assert solved(swapped, count=1).cautions == [said]
+
+
+def test_structures_that_do_not_stay_at_rest_are_told() -> None:
+    K = SymmetricMatrix.dense([[1.0, 2.0], [2.0, 1.0]])
+    (said,) = solved(System(SymmetricMatrix.diagonal([1.0, 1.0]), K, ())).cautions or []
+    assert said.startswith("the natural frequency of mode 0 is negative")
+    assert "K is indefinite" in said
+    down = SymmetricMatrix.diagonal([-1.0, -4.0])
+    (said,) = solved(System(SymmetricMatrix.diagonal([1.0, 1.0]), down, ())).cautions or []
+    assert said.startswith("the natural frequencies of modes 0 to 1 are negative")
+    # Bodies that are free have frequencies of 0, up to roundings.
+    assert solved(grid(5, 7, free=True)).cautions is None
+
+
+@pytest.mark.parametrize("outputs", [{"Omega"}, {"Omega", "shape"}])
+def test_critical_damping_is_told_by_mode(outputs: set[str]) -> None:
+    system = chain(3, 0)
+    below = damping.damped(system, damping.Ratio((0.9, 0.99, 0.2)))
+    assert solved(below, outputs=frozenset(outputs)).cautions is None
+    above = damping.damped(system, damping.Ratio((0.9, 2.0, 0.2)))
+    assert solved(above, outputs=frozenset(outputs)).cautions == [
+        "mode 1 has 200 % of its critical damping, and does not oscillate"
+    ]
+    all_of_them = damping.damped(system, damping.Ratio((1.5,)))
+    assert solved(all_of_them, outputs=frozenset(outputs)).cautions == [
+        "3 modes (0, 1, 2) have critical damping or more, up to 150 %, and do not oscillate"
+    ]

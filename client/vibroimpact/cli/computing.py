@@ -24,6 +24,7 @@ def _either(url: str | None, profile: str | None) -> Client | Local:
 def compute(
     kind: options.Kind,
     file: options.RequestFile = "-",
+    model: options.Model = None,
     out: options.Out = None,
     plot: options.Plot = None,
     output: options.Output = None,
@@ -32,7 +33,7 @@ def compute(
     profile: options.Profile = None,
 ) -> None:
     """Compute a request, by a service if one is configured, else in this process."""
-    request = options.request(file)
+    request = options.request(file, model)
     waiting = Console(stderr=True).status(f"{kind} …")
     with _either(url, profile) as client:
         if isinstance(client, Local):
@@ -50,19 +51,21 @@ def compute(
 def plan(
     kind: options.Kind,
     file: options.RequestFile = "-",
+    model: options.Model = None,
     json_: options.AsJson = False,
     url: options.Url = None,
     profile: options.Profile = None,
 ) -> None:
     """Show the steps of a computation and those it skips, with reasons; compute nothing."""
     with _either(url, profile) as client:
-        answer = client.plan(kind, options.request(file))
+        answer = client.plan(kind, options.request(file, model))
     print(json.dumps(answer) if json_ else answer)
 
 
 def submit(
     kind: options.Kind,
     file: options.RequestFile = "-",
+    model: options.Model = None,
     priority: Annotated[int, typer.Option(help="Higher runs first, -10 to 10.")] = 0,
     deadline: Annotated[
         float | None, typer.Option(help="Seconds after which an unfinished job fails.")
@@ -73,7 +76,7 @@ def submit(
 ) -> None:
     """Queue a computation and print the id of its job."""
     with options.client(url, profile) as client:
-        job = client.submit(kind, options.request(file), priority, deadline=deadline)
+        job = client.submit(kind, options.request(file, model), priority, deadline=deadline)
     print(json.dumps(job.document) if json_ else job.id)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +14,7 @@ from rich.console import Console
 
 from vibroimpact.client import Client
 from vibroimpact.config import connection
-from vibroimpact.errors import NeglectedWarning
+from vibroimpact.errors import NeglectedWarning, StructureWarning
 from vibroimpact.kinds import KINDS
 from vibroimpact.results import Result
 
@@ -32,6 +32,14 @@ else:  # any word: a service can be newer than this program
 RequestFile = Annotated[
     str, typer.Argument(help="File of the request (JSON); - for standard input.", metavar="FILE")
 ]
+Model = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="File with matrices of the structure, as read_model reads it; given once for each "
+        "file. The request's system adds stops, damping, units.",
+        dir_okay=False,
+    ),
+]
 Url = Annotated[str | None, typer.Option(help="Address of the service.", envvar="VIBROIMPACT_URL")]
 Profile = Annotated[
     str | None,
@@ -47,19 +55,37 @@ Plot = Annotated[
 Output = Annotated[str | None, typer.Option(help="The output that is plotted.")]
 
 
-def request(file: str) -> Any:
-    """Return the request in a file or on standard input.
+def request(file: str, model: Sequence[Path] | None = None) -> Any:
+    """Return the request in a file or on standard input, about a model where there is one.
+
+    With a model, nothing on the standard input of a terminal stands for an empty request.
 
     Raises
     ------
     ValueError
-        If it is not a JSON object.
+        If it is not a JSON object, or the model cannot be read.
     """
+    document = _document(file, optional=bool(model))
+    if not model:
+        return document
+    from vibroimpact.models import read_model  # needs scipy
+
+    return document | {"system": read_model(*model).system(()) | document.get("system", {})}
+
+
+def _document(file: str, *, optional: bool) -> dict[str, Any]:
+    """Return the JSON object in a file or on standard input."""
+    if optional and file == "-" and sys.stdin.isatty():
+        return {}
     text = sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
+    if optional and not text.strip():
+        return {}
     try:
         document = json.loads(text)
     except ValueError as error:
-        raise ValueError(f"{'standard input' if file == '-' else file}: {error}") from None
+        where = "standard input" if file == "-" else file
+        hint = "" if text.lstrip()[:1] in "{[" else "; files with matrices are given by --model"
+        raise ValueError(f"{where} is no request in JSON: {error}{hint}") from None
     match document:
         case dict():
             return document
@@ -84,13 +110,14 @@ def fetched(get: Callable[[], Result]) -> Result:
     """Return a result; what it neglects is said by `show`, and not by a warning of Python."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NeglectedWarning)
+        warnings.simplefilter("ignore", StructureWarning)
         return get()
 
 
 def show(result: Result, out: Path | None, plot: Path | None, output: str | None) -> None:
     """Write the files that were asked for, and say so; without any, say what the result has."""
     said = Console(stderr=True, soft_wrap=True)
-    for sentence in result.neglected:
+    for sentence in (*result.neglected, *result.cautions):
         said.print(f"caution: {sentence}", highlight=False, markup=False, style="yellow")
     if out is not None:
         said.print(f"written: {result.to_hdf5(out)}", highlight=False)

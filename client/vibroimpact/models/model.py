@@ -99,7 +99,13 @@ class Model:
         """Return its size and what is known of it."""
         nodes = len({node for node, _ in self.labels})
         directions = ", ".join(dict.fromkeys(each for _, each in self.labels))
-        known = [f"{self.n} degrees of freedom", f"{nodes} nodes ({directions})"]
+        numbered = self.labels == tuple((index, "x") for index in range(self.n))
+        known = [
+            f"{self.n} degrees of freedom",
+            "counted from 0, without nodes and directions"
+            if numbered and not self.coordinates
+            else f"{nodes} nodes ({directions})",
+        ]
         known += ["with damping"] if self.C is not None else []
         known += [] if self.coordinates else ["no coordinates"]
         known += [" ".join(self.units.values())] if self.units else ["no units"]

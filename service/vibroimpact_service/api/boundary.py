@@ -244,6 +244,12 @@ def problem_answer(problem: ProblemError, request_id: str) -> Response:
     )
 
 
+_NO_OTHER_ORIGINS: Final = (
+    "Pages of other origins may not read answers of this service: its setting "
+    "VIBROIMPACT_CORS_ORIGINS lists those that may, and is empty."
+)
+
+
 async def http_error(request: Request, error: Exception) -> Response:
     """Answer what the framework refuses by itself: unknown address, method and the like."""
     assert isinstance(error, HTTPException)
@@ -251,7 +257,10 @@ async def http_error(request: Request, error: Exception) -> Response:
     headers = dict(error.headers or {})
     if type_ is problems.METHOD_NOT_ALLOWED:
         headers["Allow"] = ", ".join(_allowed(request))
-    problem = ProblemError(type_, type_.about, headers=headers)
+    # A browser asks so before it sends what a page of another origin wants to send.
+    asked = request.method == "OPTIONS" and "origin" in request.headers
+    detail = _NO_OTHER_ORIGINS if asked else type_.about
+    problem = ProblemError(type_, detail, headers=headers)
     return problem_answer(problem, request.state.request_id)
 
 

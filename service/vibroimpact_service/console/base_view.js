@@ -5,6 +5,7 @@ import { button, make, settled } from "./dom.js";
 import { hasInvalid, showError } from "./fields.js";
 import { copyOf, standing } from "./figure.js";
 import { goOn, keep, keptFigures, keptOf } from "./kept.js";
+import { cautions } from "./natural.js";
 import { duration } from "./numbers.js";
 import { progressLine, working } from "./progress.js";
 import { report } from "./report.js";
@@ -209,7 +210,7 @@ export class BaseView {
     this.result = result;
     this.answered("result");
     this.checked();
-    this.say([...more, ...(result.neglected || [])]);
+    this.say([...cautions(), ...more, ...(result.neglected || [])]);
     this.tools.update();
     // Once it is drawn.
     requestAnimationFrame(() => goOn(() => this.#keep()));
@@ -257,7 +258,7 @@ export class BaseView {
   /**
    * Compute what may take long: at once where the plan says that it is quick, else by a button.
    * @param {Request} request
-   * @param {{place: HTMLElement, text: (time: string) => string, act: string, use: (result: any) => void,
+   * @param {{place: HTMLElement, text: (time: string, seconds: number) => string, act: string, use: (result: any) => void,
    *   queued?: boolean}} offer queued: as a job, unless the result is known
    * @param {AbortSignal} signal
    * @param {OnJob} onJob
@@ -271,7 +272,7 @@ export class BaseView {
       await now(onJob);
       return;
     }
-    place.replaceChildren(text(duration(seconds)), " ", button(act, () => {
+    place.replaceChildren(text(duration(seconds), seconds), " ", button(act, () => {
       place.replaceChildren();
       working(this.progress, now).catch(showError);
     }, { class: "quiet" }));

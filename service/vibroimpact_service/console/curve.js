@@ -2,7 +2,7 @@
 // turn back, and a cursor to drag.
 
 import { make } from "./dom.js";
-import { shown } from "./numbers.js";
+import { inPower, leftOutPower, shown } from "./numbers.js";
 import { symbol } from "./symbols.js";
 import { colour, onTheme } from "./theme.js";
 import { logTicks } from "./ticks.js";
@@ -119,6 +119,22 @@ export class Curve {
     return this.zoom[scale] || this.whole(scale);
   }
 
+  /** @param {import("./zoom.js").Scale} scale @returns {(value: number) => string} what writes the numbers of an axis */
+  written(scale) {
+    const factor = 10 ** -this.#power(scale);
+    return (value) => shown(value * factor, 6);
+  }
+
+  /** @param {import("./zoom.js").Scale} scale @returns {string} the label of an axis, with the power of ten that its numbers leave out */
+  named(scale) {
+    return inPower(this.options[scale], this.#power(scale));
+  }
+
+  /** @param {import("./zoom.js").Scale} scale */
+  #power(scale) {
+    return this.#log(scale) ? 0 : leftOutPower(this.part(scale));
+  }
+
   /** Show a part of an axis. @param {import("./zoom.js").Scale} scale @param {[number, number] | null} part null: all */
   limit(scale, part) {
     this.zoom[scale] = part && within(part, this.whole(scale), scale, this.#log(scale));
@@ -176,15 +192,15 @@ export class Curve {
     const { options } = this;
     const strip = options.strip || 0;
     const [soft, line] = [colour("soft"), colour("line")];
-    /** @param {"x" | "y"} label @param {string} scale */
-    const axis = (label, scale) => ({
-      scale, label: () => options[label], stroke: soft, labelSize: 20, labelGap: 2, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+    /** @param {"x" | "y"} scale */
+    const axis = (scale) => ({
+      scale, label: () => this.named(scale), stroke: soft, labelSize: 20, labelGap: 2, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
       grid: { show: options.grid !== false, stroke: line, width: 0.6 }, ticks: { stroke: line, width: 0.6, size: 4 }, gap: 4,
-      values: (/** @type {any} */ _, /** @type {(number | null)[]} */ splits) => splits.map((v) => (v === null ? "" : shown(v, 6))),
+      values: (/** @type {any} */ _, /** @type {(number | null)[]} */ splits) => splits.map((v) => (v === null ? "" : this.written(scale)(v))),
     });
     const upright = Boolean(options.upright);
-    const vertical = { ...axis(upright ? "x" : "y", upright ? "x" : "y"), size: 62, side: 3 };
-    const across = { ...axis(upright ? "y" : "x", upright ? "y" : "x"), size: 30 + 8 * strip, gap: 4 + 8 * strip, side: 2 };
+    const vertical = { ...axis(upright ? "x" : "y"), size: 62, side: 3 };
+    const across = { ...axis(upright ? "y" : "x"), size: 30 + 8 * strip, gap: 4 + 8 * strip, side: 2 };
     if (upright) Object.assign(across, { space: 60 });
     if (options.log) {
       const [of, room] = upright ? [across, ROOM_ACROSS] : [vertical, ROOM_UPWARDS];
@@ -263,19 +279,27 @@ export class Curve {
       const [from, top] = [plot.valToPos(left, "x", true), plot.valToPos(high, "y", true)];
       ctx.drawImage(this.image, from, top, plot.valToPos(right, "x", true) - from, plot.valToPos(low, "y", true) - top);
     }
+    // Narrow bands side by side are one area, and no darker than wide ones.
+    /** @type {Map<string, Path2D>} */
+    const areas = new Map();
     for (const band of this.bands) {
       const [a, b] = [band.start, band.stop].map((x) => Math.min(Math.max(plot.valToPos(x, "x", true), bbox.left), bbox.left + bbox.width));
       if (b < a) continue;
       const width = Math.max(b - a, ratio);
-      ctx.fillStyle = colour(band.colour);
       if (band.row === undefined) {
-        ctx.globalAlpha = 0.13;
-        ctx.fillRect(a, bbox.top, width, bbox.height);
+        const area = areas.get(band.colour) || new Path2D();
+        area.rect(a, bbox.top, width, bbox.height);
+        areas.set(band.colour, area);
       } else {
-        ctx.globalAlpha = 1;
+        ctx.fillStyle = colour(band.colour);
         const [top, height] = [bbox.top + bbox.height + (3 + 8 * band.row) * ratio, 6 * ratio];
         for (const [from, to] of pieces(a, a + width, (band.dash || []).map((part) => part * ratio))) ctx.fillRect(from, top, to - from, height);
       }
+    }
+    ctx.globalAlpha = 0.13;
+    for (const [name, area] of areas) {
+      ctx.fillStyle = colour(name);
+      ctx.fill(area);
     }
     ctx.restore();
   }

@@ -25,6 +25,8 @@ const STEP = 1e-4;
 const OUTPUTS = ["exists", "extremes", "energy", "stability"];
 /** Longest step along a branch: fine enough to be drawn. */
 const LONGEST = 0.05;
+/** Planned seconds from which the page advises what would take less. */
+const LONG_WAIT = 60;
 /** Special points that the page lists; the others are only marked. */
 const LISTED = 24;
 /** Frequencies at most whose motions are marked by points where branches are drawn. */
@@ -72,6 +74,7 @@ export class DrivenView extends BaseView {
     /** @type {any} */ this.branches = null;
     /** @type {Motion[]} */ this.motions = [];
     /** @type {Curve | null} */ this.curve = null;
+    /** Admissible motions that meet a stop. */ this.met = 0;
     /** @type {any} */ this.motion = null;
     this.slider = make("input", { type: "range", class: "cursor-slider", step: "any", "aria-label": "Frequency Ω of the drive at the cursor" });
     this.branchNote = make("p", { class: "hint" });
@@ -118,10 +121,10 @@ export class DrivenView extends BaseView {
       numberField(labelled("Ω from", "Omega"), now.from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
       numberField("points", now.points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
+      numberField("Periods of the drive", now.periods, this.set("periods"), { pointer: "/periods", min: 1, whole: true, name: "periods" }),
       choiceField("Impacts per period", [["upper", "one, upper side"], ["lower", "one, lower side"], ["symmetric", "both sides, symmetric"], ["list", "a sequence …"]],
         now.sequence, (value) => this.reshape({ sequence: value }), { pointer: "/sequence", name: "sequence" }),
       ...(now.sequence === "list" ? [this.#sequenceField(now.list || "0+ 0-")] : stops.length > 1 ? [choiceField("of", stops, String(now.stop), (value) => this.change({ stop: Number(value) }), { name: "stop" })] : []),
-      numberField("Periods of the drive", now.periods, this.set("periods"), { pointer: "/periods", min: 1, whole: true, name: "periods" }),
       numberField("branches that begin on others", now.switch, this.set("switch"), { pointer: "/switch", min: 0, max: 100, whole: true, name: "switch" }),
       loadFields(now.load, "harmonic", this),
     ];
@@ -170,7 +173,7 @@ export class DrivenView extends BaseView {
     const { Omega, height } = state.fields;
     await this.offered(branches, {
       place: this.branchNote, act: "Follow them",
-      text: (time) => `To follow the branches and locate their special points takes about ${time}.`,
+      text: (time, seconds) => `To follow the branches and locate their special points takes about ${time}.${seconds > LONG_WAIT ? " Fewer branches that begin on others, a narrower range, or a structure reduced to its lowest modes (vi.reduce in Python) take less." : ""}`,
       queued: true,
       use: (result) => {
         this.branches = result;
@@ -210,7 +213,7 @@ export class DrivenView extends BaseView {
     if (this.drawing) this.drawing.destroy();
     const holder = make("div");
     this.figure.replaceChildren(holder);
-    const count = single.filter(({ exists, impacts }) => exists && impacts > 0).length;
+    const count = this.met = single.filter(({ exists, impacts }) => exists && impacts > 0).length;
     const known = special.filter(({ exists }) => exists);
     this.curve = this.drawing = new Curve(holder, {
       x: labelled("frequency Ω of the drive", "Omega"), y: axisOfWhat("amplitude", coordinate), height: 340, zoom: this.zoom,
@@ -273,7 +276,8 @@ export class DrivenView extends BaseView {
   /** @param {Motion | null} motion */
   #hover(motion) {
     if (motion === null) {
-      this.readout.textContent = `${this.result.solution.Omega.length} solutions${this.branches ? `, ${new Set(this.branches.solution.branch).size} branches` : ""}. Click one to see it move.`;
+      const followed = this.branches ? new Set(this.branches.solution.branch).size : 0;
+      this.readout.textContent = `${this.result.solution.Omega.length} solutions, ${this.met || "none"} of them admissible with ${met()}${followed ? `; ${followed} branch${followed > 1 ? "es" : ""}` : ""}. Click one to see it move.`;
       return;
     }
     const { Omega, height, impacts, exists, stability, reason } = motion;

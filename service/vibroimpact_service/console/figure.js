@@ -1,7 +1,6 @@
 // A curve as SVG, PNG and numbers: what leaves the page, stands beside another one, or is printed.
 
 import { make } from "./dom.js";
-import { shown } from "./numbers.js";
 import { symbol } from "./symbols.js";
 import { colour } from "./theme.js";
 import { linearTicks, logTicks } from "./ticks.js";
@@ -129,13 +128,14 @@ function axes(curve, root, { left, top, width, height }, at) {
     const upwards = (scale === "y") !== Boolean(options.upright);
     const [low, high] = curve.part(scale);
     const ticks = scale === "y" && options.log ? logTicks(low, high, upwards ? height / 26 : width / 56) : linearTicks(low, high, upwards ? height / 40 : width / 64);
+    const written = curve.written(scale);
     for (const value of ticks) {
       const [x, y] = scale === "x" ? at(value, curve.part("y")[0]) : at(curve.part("x")[0], value);
       root.append(upwards ? draw("path", { d: `M${left} ${near(y)}h${width}`, stroke: rule, "stroke-width": 0.6 }) : draw("path", { d: `M${near(x)} ${top}v${height}`, stroke: rule, "stroke-width": 0.6 }),
-        upwards ? draw("text", { x: left - 8, y: near(y) + 4, fill: soft, "text-anchor": "end" }, shown(value, 6)) : draw("text", { x: near(x), y: top + height + 18 + below, fill: soft, "text-anchor": "middle" }, shown(value, 6)));
+        upwards ? draw("text", { x: left - 8, y: near(y) + 4, fill: soft, "text-anchor": "end" }, written(value)) : draw("text", { x: near(x), y: top + height + 18 + below, fill: soft, "text-anchor": "middle" }, written(value)));
     }
-    root.append(upwards ? draw("text", { transform: `translate(14 ${top + height / 2}) rotate(-90)`, fill: soft, "text-anchor": "middle" }, options[scale])
-      : draw("text", { x: left + width / 2, y: top + height + 38 + below, fill: soft, "text-anchor": "middle" }, options[scale]));
+    root.append(upwards ? draw("text", { transform: `translate(14 ${top + height / 2}) rotate(-90)`, fill: soft, "text-anchor": "middle" }, curve.named(scale))
+      : draw("text", { x: left + width / 2, y: top + height + 38 + below, fill: soft, "text-anchor": "middle" }, curve.named(scale)));
   }
 }
 

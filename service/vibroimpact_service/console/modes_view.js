@@ -58,7 +58,7 @@ export class ModesView extends BaseView {
     /** @type {Curve | null} */ this.curve = null;
     /** @type {Curve | null} */ this.energy = null;
     this.slider = make("input", { type: "range", class: "cursor-slider", step: "any", "aria-label": "Frequency Ω of the cursor" });
-    this.exact = make("div");
+    this.exact = make("div", { class: "exact" });
     this.verdict = make("div", { class: "verdict", "aria-live": "polite" });
     this.values = make("dl", { class: "values" });
     this.stability = make("dd");
@@ -102,11 +102,11 @@ export class ModesView extends BaseView {
       numberField(labelled("Ω from", "Omega"), from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
       numberField("points", points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
+      this.exact,
       choiceField("Show", [["momentum", "momentum per impact, 2p/ω"], ["impulse", "impulse parameter p"]], quantity, (value) => {
         setFields({ quantity: value }, { silent: true });
         this.draw();
       }),
-      this.exact,
     ];
   }
 

@@ -17,6 +17,8 @@ const WIDE = 30;
 const PATIENCE = 2000;
 
 let asked = "";
+/** What of the structure is permitted but seldom meant. @type {string[]} */
+let said = [];
 /** @type {Natural | null} */
 let known = null;
 
@@ -25,28 +27,36 @@ export function natural() {
   return known;
 }
 
+/** @returns {string[]} what of the present structure is permitted but seldom meant, as far as it is known */
+export function cautions() {
+  const { damping } = state.structure;
+  const ratio = damping >= 1 && FORMS[state.structure.form].damped ? [`the damping ratio is ${rounded(100 * damping)} % of the critical one: free motions do not oscillate`] : [];
+  return [...ratio, ...said];
+}
+
 /** Learn the natural frequencies of the present structure, unless they are known. */
 export async function learn() {
   const { structure } = state;
   const n = size(structure);
   const [first] = structure.stops;
   const place = first && first.dof < n && (first.relativeTo === null || first.relativeTo < n) ? [{ ...first, lower: 1, upper: 1 }] : [];
-  const system = systemDocument({ ...structure, stops: place, loads: [] }, false);
+  const system = systemDocument({ ...structure, stops: place, loads: [], damping: 0 });
   const request = { system, count: Math.min(n, MOST), outputs: place.length ? ["Omega", "participation"] : ["Omega"] };
   const key = JSON.stringify(request);
   if (!n || key === asked) return;
-  [asked, known] = [key, null];
+  [asked, known, said] = [key, null, []];
   const later = { late: false };
   const finding = find(request).then((answer) => {
     if (key !== asked) return;
-    known = answer && answer.Omega.length ? { ...answer, all: answer.Omega.length === n } : null;
-    if (later.late && known) dispatchEvent(new Event("natural-known"));
+    known = answer.Omega.length ? { ...answer, all: answer.Omega.length === n } : null;
+    said = answer.cautions;
+    if (later.late && (known || said.length)) dispatchEvent(new Event("natural-known"));
   }, () => { if (key === asked) asked = ""; }); // the views say what is wrong with the structure
   await Promise.race([finding, new Promise((resolve) => { setTimeout(resolve, PATIENCE); })]);
   later.late = true;
 }
 
-/** @param {any} request @returns {Promise<{Omega: number[], flexibility: number | null}>} */
+/** @param {any} request @returns {Promise<{Omega: number[], flexibility: number | null, cautions: string[]}>} */
 async function find(request) {
   const answer = await send("POST", "/v1/compute/natural-frequencies", request);
   let result = await answer.json();
@@ -59,7 +69,7 @@ async function find(request) {
   Omega.forEach((/** @type {number} */ each, /** @type {number} */ j) => {
     if (participation && each > 0) flexibility += (participation[j][0] / each) ** 2;
   });
-  return { Omega: Omega.filter((/** @type {number} */ each) => each > 0), flexibility: flexibility || null };
+  return { Omega: Omega.filter((/** @type {number} */ each) => each > 0), flexibility: flexibility || null, cautions: result.cautions || [] };
 }
 
 /** @returns {number | null} the first natural frequency; null where it is not known */

@@ -10,7 +10,21 @@ export function shown(value, digits = 5) {
   if (value === 0) return "0";
   const size = Math.abs(value);
   const text = size >= 1e6 || size < 1e-4 ? value.toExponential(Math.max(0, digits - 2)).replace(/\.?0+e/, "e") : Number(value.toPrecision(digits)).toString();
-  return text.replace("e+", "e").replace("-", "−");
+  return text.replace("e+", "e").replaceAll("-", "−");
+}
+
+/**
+ * Return the power of ten that the labels of an axis leave out: 0 unless they would be long.
+ * @param {[number, number]} range
+ */
+export function leftOutPower([low, high]) {
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  return size > 0 && (size < 1e-3 || size >= 1e6) ? 3 * Math.floor(Math.log10(size) / 3 + 1e-12) : 0;
+}
+
+/** @param {string} label of an axis @param {number} power that its numbers leave out @returns {string} */
+export function inPower(label, power) {
+  return power ? `${label}, in 10${String(power).replace(/[-\d]/g, (sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(sign)]))}` : label;
 }
 
 /** @param {number} low @param {number} high @param {number} count */

@@ -174,8 +174,9 @@ def to_json(content: Content, _: str = "") -> bytes:
     """Return the result document; floats as their shortest text, which reads back to the bit."""
     head = content.head
     document: dict[str, Any] = {"kind": head["kind"], "digest": head["digest"]}
-    if "neglected" in content.plain:  # before the numbers, where readers see it
-        document["neglected"] = content.plain["neglected"]
+    for name in ("neglected", "cautions"):  # before the numbers, where readers see them
+        if name in content.plain:
+            document[name] = content.plain[name]
     tables: dict[str, dict[str, Any]] = {}
     for name, values in content.arrays.items():
         meaning = content.meanings[name]

@@ -16,6 +16,7 @@ from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.meter import look, metered
 from vibroimpact_solvers.model import Constraint, System
 from vibroimpact_solvers.natural_frequencies import derivatives
+from vibroimpact_solvers.natural_frequencies.cautions import cautions
 from vibroimpact_solvers.natural_frequencies.flexibility import residual_flexibility
 from vibroimpact_solvers.natural_frequencies.planning import Decision
 from vibroimpact_solvers.natural_frequencies.problem import Problem
@@ -87,6 +88,9 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         flexibility, flexibility_error = residual_flexibility(
             problem.moving, lines, lowest, (rows, rows_error), count
         )
+    damped = problem.system.C is not None and modes is None
+    moving = _shapes(problem, natural, count)[0] if damped else modes
+    said = cautions(problem.system, roots, errors, moving)
     rates: dict[str, Any] = {}
     if plan.step(Stage.DERIVATIVES):
         rates = derivatives.outputs(problem, natural, count, modes, rows, signs)
@@ -106,6 +110,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         residual_flexibility=flexibility,
         error_statement=statement + _CLOSE,
         neglected=None,
+        cautions=said or None,
         error_Omega=errors,
         error_shape=shape_error,
         error_participation=participation_error,

@@ -89,6 +89,16 @@ class Result:
     ]
     error_statement: Statement
     neglected: Neglected
+    cautions: Annotated[
+        list[str] | None,
+        Quantity(
+            (),
+            "1",
+            "what of the structure is permitted but seldom meant, a sentence each",
+            path="cautions",
+            note="absent where there is nothing of that kind",
+        ),
+    ]
     error_Omega: Annotated[
         Floats,
         Quantity(_MODE, "time-1", "absolute error of Omega", path="error/Omega"),

@@ -71,6 +71,26 @@ def test_unknown_addresses_and_methods(http: TestClient) -> None:
         assert answer.json()["code"] == "method_not_allowed"
 
 
+def test_a_page_of_another_origin_is_told_the_setting(http: TestClient) -> None:
+    headers = {"Origin": "http://localhost:5173", "Access-Control-Request-Method": "POST"}
+    answer = http.options("/v1/compute/impact-modes", headers=headers)
+    assert answer.status_code == 405
+    assert "VIBROIMPACT_CORS_ORIGINS" in answer.json()["detail"]
+    assert "VIBROIMPACT" not in http.options("/v1/compute/impact-modes").json()["detail"]
+
+
+def test_structures_need_no_stops(http: TestClient) -> None:
+    for system in ({"preset": "chain", "n": 3}, {"M": [[1.0]], "K": [[4.0]]}):
+        answer = http.post("/v1/compute/natural-frequencies", json={"system": system})
+        assert answer.status_code == 200
+        stored = http.post("/v1/systems", json=system).json()
+        assert http.get(f"/v1/systems/{stored['id']}").json()["constraints"] == []
+        request = {"system": system, "frequency": {"values": [1.0]}}
+        refused = http.post("/v1/compute/impact-modes", json=request)
+        assert refused.status_code == 422
+        assert refused.json()["errors"][0]["pointer"] == "/system/constraints"
+
+
 def test_every_answer_is_hardened_and_named(http: TestClient) -> None:
     for answer in (http.get("/v1/health/live"), http.get("/nowhere"), http.get("/openapi.json")):
         assert "default-src 'none'" in answer.headers["content-security-policy"]
