@@ -49,12 +49,12 @@ def draw(client):
 def branches(client, ax):
     """Plot the motions with one impact in a period, and return the last frequency of a stable one.
 
-    They are found in closed form, without sweeps.
+    They follow in closed form, without sweeps.
     """
-    found = client.periodic_motions(SYSTEM, (LOW, HIGH, 601), DRIVE)
-    rows, of = found.solution, found.impact.solution
+    motions = client.periodic_motions(SYSTEM, (LOW, HIGH, 601), DRIVE)
+    rows, of = motions.solution, motions.impact.solution
     exists, stable = rows.exists[of], rows.stability[of] < 1.0
-    Omega, speed = rows.Omega[of], found.impact.velocity
+    Omega, speed = rows.Omega[of], motions.impact.velocity
     for shown, dash, name in (
         (exists & stable, "-", "one impact per period"),
         (exists & ~stable, (0, (3, 1.5)), "the same, unstable"),

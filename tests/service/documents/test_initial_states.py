@@ -66,7 +66,7 @@ def test_a_list_of_states_and_modes_is_a_motion_each(store: Store, kind: str) ->
 
 
 @pytest.mark.needs("compiled kernels")
-def test_a_member_on_an_impact_mode_is_the_motion_on_it(store: Store) -> None:
+def test_one_of_an_ensemble_on_an_impact_mode_is_the_motion_on_it(store: Store) -> None:
     alone, many = (solved(store, kind, MODE) for kind in ("time-history", "ensemble"))
     assert alone.impact_time.size > 2
     np.testing.assert_array_equal(many.x[0, 0], alone.x[0])
