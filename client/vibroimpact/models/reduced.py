@@ -29,7 +29,8 @@ class Reduction:
     Natural frequencies converge as modes are added. **The impulses of rigid stops do not**, nor do
     existence bands: a rigid stop excites every mode of the model, and each one that is added
     changes the answer, by a finer mesh as by a larger reduction. `compute` says by how much: it
-    repeats a computation with half of the modes.
+    repeats a computation with half of the modes. `compare` sets responses at the stops beside those
+    of the whole model.
 
     Parameters
     ----------

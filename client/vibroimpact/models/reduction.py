@@ -75,7 +75,8 @@ def reduce(
         How many of the lowest elastic modes with these held fixed are added (Craig and Bampton);
         0 is Guyan's reduction.
     compare : int, optional
-        How many of the lowest natural frequencies get an error; default: half of all.
+        How many of the lowest natural frequencies get an error; default: half of all. For
+        responses at the stops see `Reduction.compare`.
     rigid : int, optional
         Number of rigid-body modes of the whole structure, 6 for a free one in space; default: as
         K tells. To be given where K was rounded, as in files with few digits, or where springs are
