@@ -317,7 +317,8 @@ class TimeHistoryRequest(TypedDict):
     stops of finite stiffness push, with impulse, largest force, indentation and loss; force:
     the forces of stops of finite stiffness [time, constraint]. Default: ["impacts"].
     """
-    initial: InitialState | InitialMode
+    initial: NotRequired[InitialState | InitialMode | None]
+    """The state at t = 0; absent: at rest, with all displacements zero."""
     digits: NotRequired[int | None]
     """Decimal digits of the arithmetic where double precision cannot hold the tolerance to the
     end; absent: the result states until when it can.

@@ -245,7 +245,9 @@ class TimeHistoryRequest(MotionRequest):
     result states until when it can hold.
     """
 
-    initial: Initial
+    initial: Initial | None = Field(
+        None, description="The state at t = 0; absent: at rest, with all displacements zero."
+    )
     digits: Annotated[int, Field(strict=True, ge=17, le=1000)] | None = Field(
         None,
         description="Decimal digits of the arithmetic where double precision cannot hold the "

@@ -20,6 +20,7 @@ from vibroimpact_schema.requests import (
     ImpactModesRequest,
     ResonancesRequest,
     SlowFlowRequest,
+    TimeHistoryRequest,
 )
 
 CHAIN = vi.chain(3, [vi.constraint(0, 0.1)])
@@ -199,3 +200,11 @@ def test_sweeps_are_continued_by_a_word() -> None:
     axes = {"t_end": {"start": 2.0, "stop": 1.0, "step": -0.5}}
     assert vi.sweep_request("time-history", base, axes, continued=True)["continue"] is True
     assert "continue" not in vi.sweep_request("time-history", base, axes)
+
+
+def test_a_motion_starts_at_rest_where_nothing_is_said() -> None:
+    request = vi.time_history_request(CHAIN, t_end=1.0)
+    assert "initial" not in request
+    TimeHistoryRequest.model_validate(request)
+    with pytest.raises(TypeError, match="t_end is missing"):
+        vi.time_history_request(CHAIN)

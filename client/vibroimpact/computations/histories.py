@@ -46,8 +46,8 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
     def time_history(
         self,
         system: documents.System,
-        initial: Initial,
-        t_end: float,
+        initial: Initial | None = None,
+        t_end: float | None = None,
         *,
         t: Values | None = None,
         outputs: Sequence[str] | None = None,
@@ -65,9 +65,9 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
         ----------
         system : dict
             The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
-        initial : (x, v) or float or dict
+        initial : (x, v) or float or dict, optional
             Displacements and velocities at t = 0; or the frequency Omega of an impact mode, on
-            which the motion starts; or the document itself.
+            which the motion starts; or the document itself. Default: at rest, all zero.
         t_end : float
             Duration of the motion.
         t : int, array, (start, stop, num) or dict, optional
@@ -97,7 +97,7 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
         """
         request = _motion(
             system,
-            initial_state(initial),
+            None if initial is None else initial_state(initial),
             t_end,
             t=t,
             outputs=outputs,
@@ -148,8 +148,6 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
         t, outputs, dofs, load, limiter, method, tolerance
             As for `time_history`; they hold for all members.
         """
-        if t_end is None:
-            raise TypeError("t_end is missing, the duration of the motions")
         request = _motion(
             system,
             initial_states(x, v, initial),
@@ -211,8 +209,8 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
 
 def _motion(
     system: Mapping[str, Any],
-    initial: Document,
-    t_end: float,
+    initial: Document | None,
+    t_end: float | None,
     *,
     t: Any,
     outputs: Sequence[str] | None,
@@ -223,6 +221,8 @@ def _motion(
     tolerance: float | None,
 ) -> Document:
     """Return what requests of one motion and of many have in common."""
+    if t_end is None:
+        raise TypeError("t_end is missing, the duration of the motion")
     if outputs is None:
         outputs = () if t is None else ("x", "v", "energy")
         if has_stiff_stops(system):
@@ -231,7 +231,7 @@ def _motion(
             outputs = (*outputs, "impacts", "contacts")
     request = {
         "system": dict(system),
-        "initial": initial,
+        **({} if initial is None else {"initial": initial}),
         "t_end": arguments.number("t_end", t_end),
         "outputs": names(outputs),
     }

@@ -333,7 +333,7 @@ def time_history(
     request: requests.TimeHistoryRequest, of: System, start: histories.State | None = None
 ) -> histories.Problem:
     """Return the problem of a time history."""
-    initial = initial_states.one(request.initial) if start is None else start
+    initial = initial_states.one(request.initial, of) if start is None else start
     with loads.as_sent(request, of):
         return histories.Problem(
             of,

@@ -15,9 +15,11 @@ from vibroimpact_solvers.model import System
 One = motions.InitialState | motions.InitialMode
 
 
-def one(document: One) -> histories.State | histories.ImpactMode:
-    """Return what a motion starts from."""
+def one(document: One | None, of: System) -> histories.State | histories.ImpactMode:
+    """Return what a motion starts from; rest where nothing is said."""
     match document:
+        case None:
+            return histories.State(np.zeros(of.n), np.zeros(of.n))
         case motions.InitialState(x=x, v=v):
             return histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
@@ -68,5 +70,5 @@ def many(
 
 
 def _state(document: One, of: System) -> histories.State:
-    start = one(document)
+    start = one(document, of)
     return start if isinstance(start, histories.State) else histories.state_of(of, start)
