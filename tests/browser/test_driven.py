@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.browser.visits import Visit
 
@@ -146,7 +146,13 @@ def test_contacts_with_a_stiff_stop_are_motions_that_meet_it(console: Visit) -> 
 
 
 def test_branches_that_take_long_come_with_advice(console: Visit) -> None:
-    structure = {"form": "beam", "parameters": {"elements": 10}, "damping": 0.02}
-    page = console.open("driven", structure, points=20)
-    expect(page.get_by_text("To follow the branches")).to_contain_text("reduced to its lowest")
+    def slow(route: Route) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json=answer.json() | {"seconds": 2400, "cached": False})
+
+    console.page.route("**/v1/plan/branches", slow)
+    page = console.open("driven", BELOW_A_WALL, points=20)
+    note = page.get_by_text("To follow the branches")
+    expect(note).to_contain_text("about 40 min")
+    expect(note).to_contain_text("reduced to its lowest modes")
     expect(page.get_by_role("button", name="Follow them")).to_be_visible()
