@@ -217,6 +217,7 @@ def test_nothing_is_added_without_parameters() -> None:
     system = oscillator([Constraint.at(0, gap=0.4)], Omega0=1.0)
     plain, asked = (solved(problem(system, 0.0, 1.0, [3.0], *p)) for p in ((), (GAP,)))
     assert plain.derivative_x is None
+    assert plain.derivative_impact_time is None
     assert plain.parameter is None
     assert plain.x is not None
     assert asked.x is not None
