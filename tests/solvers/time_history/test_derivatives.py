@@ -57,7 +57,7 @@ def test_random_motions(seeds: range) -> None:
     assert [one for one in found if not one.within] == []
     moved = [one for one in found if one.size]
     assert max(one.wrong / one.size for one in moved) < 1e-10
-    assert np.median([one.over for one in moved]) < 500.0
+    assert np.median([one.over for one in moved]) < 250.0
 
 
 def test_two_impacts_in_closed_form() -> None:
