@@ -147,6 +147,7 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "initial": {"x": [0.05, -0.02, 0.08, 0.01], "v": [1.2, -0.7, 0.4, 0.9]},
             "t_end": 80, "t": {"num": 9}, "outputs": ALL,
         },
+        {"system": LOSSY, **HISTORY, "outputs": ALL, "derivatives": ["system.Omega0"]},
     ],
     "ensemble": [
         {

@@ -182,11 +182,11 @@ _TABLES: Final = {
     f"{dim}s": {
         name: np.zeros(0, declared(Result)[name].scalar)
         for name in along(Result, dim)
-        if not name.endswith(OF_STOPS)
+        if not name.endswith(OF_STOPS) and not name.startswith("derivative")
     }
     for dim in ("impact", "contact")
 }
-"""Empty tables of motions with rigid stops."""
+"""Empty tables of motions with rigid stops, without derivatives."""
 _COLUMNS: Final = {
     "impact_time": "time",
     "impact_constraint": "constraint",

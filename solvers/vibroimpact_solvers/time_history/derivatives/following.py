@@ -27,7 +27,7 @@ SAMPLES: Final = 2
 """Shaken motions."""
 SHAKEN: Final = 16.0
 """Roundings by which their numbers are off."""
-_SAFETY: Final = 12.0
+_SAFETY: Final = 4.0
 _BLOCK: Final = 2**21  # numbers of states at output times that are in memory at once
 FACTOR: Final = _SAFETY / SHAKEN
 """What differences are multiplied by: errors do not exceed the product."""
