@@ -12,11 +12,14 @@ from typing import Any, Final
 import h5py
 import httpx2
 import numpy as np
+import scipy.integrate
 import scipy.linalg
 
 import vibroimpact as vi
 from benchmarks import beams
 from benchmarks.harness import measure
+from benchmarks.prices import structures as shapes
+from benchmarks.solids import solid
 from benchmarks.tables import Goal, Table
 from vibroimpact_solvers.arrays import Floats
 
@@ -197,3 +200,121 @@ def _modes_by_hand(M: Floats, K: Floats, tip: int, Omega: Floats) -> tuple[Float
         moves = impulses[i] * np.abs(x) <= 0.01 * (1.0 + 1e-9)
         exists.append(bool(x[-1] > 0.0 and moves.all()))
     return impulses, exists
+
+
+def finite_elements() -> Table:
+    """Ask for modes, responses and histories of a plate, a frame and a reduced solid, three ways.
+
+    The ways are `vi.Local`, `vi.Client` and JSON over HTTP, as by curl.
+    """
+    rows: list[tuple[Any, ...]] = []
+    with vi.Local() as local, vi.Client() as client, httpx2.Client(base_url=client.url) as http:
+        for name, M, K, dof in _models():
+            for what, one, by_hand in _of_model(M, K, dof):
+                ways: dict[str, Work] = {
+                    "vi.Local": partial(_call, local.compute, one),
+                    "vi.Client": partial(_call, client.compute, one),
+                    "HTTP": partial(_call, partial(_json, http), one),
+                }
+                if by_hand is not None:
+                    ways["hand"] = by_hand
+                timed = measure(rounds=3, sample=0.0, **ways)
+                times = [_MILLI * timed[way].wall if way in timed else None for way in _WAYS]
+                rows.append((name, len(M), what, *times))
+    return Table(
+        "Default requests on finite elements",
+        ("structure", "N", "request", *(f"{way} [ms]" for way in _WAYS)),
+        rows,
+        "On the clock, each time another request, so that no result is stored. A stop at one "
+        "degree of freedom; driven motions are damped by 2 % at the first natural frequency. The "
+        "solid has 3,465 degrees of freedom and is reduced to its tip and twelve modes. By hand: "
+        "for impact modes as above; for histories natural modes by scipy, and solve_ivp with "
+        "events and DOP853 at 1e-9 in the ten lowest of them: that is another, coarser model.",
+    )
+
+
+_WAYS: Final = ("vi.Local", "vi.Client", "HTTP", "hand")
+_MODES_BY_HAND: Final = 10
+
+
+def _models() -> Iterator[tuple[str, Floats, Floats, int]]:
+    """Yield name, M, K and the degree of freedom with a stop of each structure."""
+    yield "plate", *shapes.plate(10), 44
+    yield "frame", *shapes.frame(17), 32
+    block = solid(21, 11, 5)
+    clamped = block.fixed([node for node in range(21 * 11 * 5) if node % 21 == 0])
+    small = vi.reduce(clamped, [(21 * 11 * 5 - 1, "z")], modes=12)
+    yield "solid, reduced", small.model.M.toarray(), small.model.K.toarray(), 0
+
+
+def _of_model(
+    M: Floats, K: Floats, dof: int
+) -> Iterator[tuple[str, Callable[[], Asked], Work | None]]:
+    """Yield what is asked for, requests that differ each time, and the same by hand."""
+    square, shape = scipy.linalg.eigh(K, M, subset_by_index=[0, 0])
+    first, mode = math.sqrt(float(square[0])), shape[:, 0]
+    b = 1e-3 / first
+    rayleigh: Any = {"rayleigh": [2.0 * first * (0.02 - 0.5 * b * first), b]}
+    gap, still = 0.01, np.zeros(len(M))
+    # So fast in the first mode that it would swing twice as far as the stop is.
+    v = 2.0 * gap * first / mode[dof] * mode
+    free = vi.system(M, K, [vi.constraint(dof, gap)])
+    driven = vi.system(M, K, [vi.constraint(dof, gap, 0.8)], damping=rayleigh)
+    load = [vi.drive(dof, gap * float(square[0] / mode[dof] ** 2))]
+    t_end = 20.0 * math.pi / first
+
+    def modes() -> Asked:
+        frequencies = np.linspace(1.001 * first * (1.0 + _new()), 1.3 * first, 50)
+        return "impact-modes", dict(vi.impact_modes_request(free, frequencies))
+
+    def response() -> Asked:
+        frequencies = np.linspace(0.5 * first * (1.0 + _new()), 2.0 * first, 50)
+        return "periodic-motions", dict(vi.periodic_motions_request(driven, frequencies, load))
+
+    def history() -> Asked:
+        start = still, v * (1.0 + _new())
+        return "time-history", dict(vi.time_history_request(free, start, t_end))
+
+    by_hand = np.linspace(1.001 * first, 1.3 * first, 50)
+    yield "impact modes, 50", modes, partial(_modes_by_hand, M, K, dof, by_hand)
+    yield "driven response, 50", response, None
+    yield "time history, 10 periods", history, partial(_history_by_hand, M, K, dof, gap, v, t_end)
+
+
+def _json(http: httpx2.Client, kind: str, request: dict[str, Any]) -> bytes:
+    """Return a result as JSON, as curl would."""
+    answer = http.post(f"/v1/compute/{kind}", json=request, timeout=60.0)
+    answer.raise_for_status()
+    return answer.content
+
+
+def _history_by_hand(
+    M: Floats, K: Floats, dof: int, gap: float, v: Floats, t_end: float
+) -> list[float]:
+    """Return the times of impacts of the lowest modes, as a user writes it."""
+    count = min(_MODES_BY_HAND, len(M))
+    squares, modes = scipy.linalg.eigh(K, M, subset_by_index=[0, count - 1])
+    row = modes[dof]
+
+    def slope(_: float, z: Floats) -> Floats:
+        return np.concatenate([z[count:], -squares * z[:count]])
+
+    def upper(_: float, z: Floats) -> float:
+        return float(gap - row @ z[:count])
+
+    def lower(_: float, z: Floats) -> float:
+        return float(gap + row @ z[:count])
+
+    events: list[Any] = [upper, lower]
+    for event in events:
+        event.terminal, event.direction = True, -1.0
+    t, z, times = 0.0, np.concatenate([np.zeros(count), modes.T @ (M @ v)]), list[float]()
+    while t < t_end:
+        flight = scipy.integrate.solve_ivp(
+            slope, (t, t_end), z, "DOP853", events=events, rtol=1e-9, atol=1e-12
+        )
+        t, z = float(flight.t[-1]), flight.y[:, -1].copy()
+        if flight.status == 1:
+            times.append(t)
+            z[count:] -= 2.0 * (row @ z[count:]) / (row @ row) * row
+    return times

@@ -66,8 +66,9 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
     Benchmark(
         "defaults",
         "Default requests",
-        "what a user gets by default: one call from Python and over HTTP, each kind on beams",
-        ("defaults.calls", "defaults.kinds"),
+        "what a user gets by default: one call from Python and over HTTP, each kind on beams, "
+        "and on a plate, a frame and a solid",
+        ("defaults.calls", "defaults.kinds", "defaults.finite_elements"),
     ),
     Benchmark(
         "peers",

@@ -78,9 +78,9 @@ def structure(family: str, size: int, seed: int) -> Structure:
         M, K = beams.matrices(size)
         return _finished(family, M, K, len(M) - 2, 0.01, dense=False)
     if family == "plate":
-        M, K = _plate(max(2, round(size**0.5)))
+        M, K = plate(max(2, round(size**0.5)))
     elif family == "frame":
-        M, K = _frame(max(1, size // 8))
+        M, K = frame(max(1, size // 8))
     elif family == "uneven":
         springs = random.uniform(0.5, 1.5, size + 1)
         K = np.diag(springs[:-1] + springs[1:])
@@ -141,14 +141,14 @@ def _matrix(matrix: Floats, *, dense: bool) -> Any:
     }  # fmt: skip
 
 
-def _plate(side: int) -> tuple[Floats, Floats]:
+def plate(side: int) -> tuple[Floats, Floats]:
     """Return a simply supported plate by finite differences, its masses lumped."""
     line = 2.0 * np.eye(side) - np.eye(side, k=1) - np.eye(side, k=-1)
     laplace = np.kron(line, np.eye(side)) + np.kron(np.eye(side), 1.3 * line)
     return np.eye(side * side), laplace @ laplace
 
 
-def _frame(elements: int) -> tuple[Floats, Floats]:
+def frame(elements: int) -> tuple[Floats, Floats]:
     """Return a portal of two clamped columns and a girder, each of some beam elements.
 
     Columns do not change their length: the girder moves with them as a whole.
