@@ -40,32 +40,31 @@ class Checked(NamedTuple):
         return cls(orbit, errors(orbit))
 
 
-def of(problem: Problem, scenes: Scenes, found: list[tuple[int, Checked]]) -> Columns:
+def of(problem: Problem, scenes: Scenes, motions: list[tuple[int, Checked]]) -> Columns:
     """Return the columns of motions, each with the index of its frequency."""
-    index = np.array([f for f, _ in found], dtype=np.int64)
+    index = np.array([f for f, _ in motions], dtype=np.int64)
     columns = tables.begun(problem, index, contacts=False)
-    contacts = [len(one.orbit.switchings) // 2 for _, one in found]
-    columns["solution_contacts"] = np.array(contacts, dtype=np.int64)
+    rows = [contact_rows(*one) for _, one in motions]
+    columns["solution_contacts"] = np.array([len(each) for each in rows], dtype=np.int64)
     if "exists" in problem.outputs:
-        columns |= tables.of_verdicts(_verdicts(found))
+        columns |= tables.of_verdicts(_verdicts(motions))
     if {"stability", "multipliers"} & problem.outputs:
         size = 2 * scenes.open.pairs.moving.size
-        values, off = np.zeros((len(found), size), np.complex128), np.zeros((len(found), size))
-        for k, (_, one) in enumerate(found):
+        values, off = np.zeros((len(motions), size), np.complex128), np.zeros((len(motions), size))
+        for k, (_, one) in enumerate(motions):
             values[k], off[k] = multipliers(one.orbit, one.errors.times)
         columns |= multiplier_columns(problem, values, off)
-    every = [parts(*one) for _, one in found]
+    every = [parts(*one) for _, one in motions]
     totals = [_summed(problem, scenes, one) for one in every]
-    rows = [contact_rows(*one) for _, one in found]
     if problem.tolerance is not None:
         columns["solution_within_tolerance"] = np.array([
             all(row["error_impulse"] <= problem.tolerance * row["impulse"] for row in each)
             for each in rows
         ])  # fmt: skip
-    lengths = np.array([one.orbit.cell.length for _, one in found])
+    lengths = np.array([one.orbit.cell.length for _, one in motions])
     columns |= tables.along_columns(problem, lengths, list(totals), mirrored=False)
     if "energy" in problem.outputs:
-        for k in range(len(found)):
+        for k in range(len(motions)):
             tables.set_energy(columns, k, scenes, every[k][0])
             loss = {
                 name: float(sum(row[name] for row in rows[k]))
@@ -73,16 +72,16 @@ def of(problem: Problem, scenes: Scenes, found: list[tuple[int, Checked]]) -> Co
             }
             tables.add_contact_loss(columns, k, loss)
     if "waveform" in problem.outputs:
-        starts = [float(one.orbit.starts[0]) for _, one in found]
+        starts = [float(one.orbit.starts[0]) for _, one in motions]
         tables.set_waveforms(
             problem, columns, list(zip(starts, every, strict=True)), mirrored=False
         )
-    owner = np.repeat(np.arange(len(found)), [len(each) for each in rows])
+    owner = np.repeat(np.arange(len(motions)), [len(each) for each in rows])
     return columns | tables.of_contacts([row for each in rows for row in each], owner)
 
 
-def _verdicts(found: list[tuple[int, Checked]]) -> Verdicts:
-    decided = [verdict(*one) for _, one in found]
+def _verdicts(motions: list[tuple[int, Checked]]) -> Verdicts:
+    decided = [verdict(*one) for _, one in motions]
     return Verdicts(
         np.array([each.reason for each in decided], dtype=np.int64),
         np.array([each.witness for each in decided], dtype=np.float64),
@@ -189,15 +188,15 @@ def _row(one: Orbit, off: Errors, every: tuple[Part, ...], k: int) -> Columns:
 
 def _dents(one: Orbit, begin: int, end: int) -> tuple[float, float]:
     """Return the indentations at both ends of a contact phase, zero at a wall."""
-    found: list[float] = []
+    dents: list[float] = []
     for k in (begin, end):
         switching, scenes, before = one.switchings[k], one.cell.scenes, one.before[k]
         a, sign = switching.stop
         stop = scenes.stop(a, sign)
         if switching.kind is Kind.WALL or stop.damping == 0.0:
-            found.append(0.0)
+            dents.append(0.0)
             continue
         side, z = scenes.side(before), one.ends[k - 1] + one.cell.at(before, one.times[k])[0]
         y = float(z @ side.position[a]) + float(side.level[a])
-        found.append(sign * y - stop.wall)
-    return found[0], found[1]
+        dents.append(sign * y - stop.wall)
+    return dents[0], dents[1]

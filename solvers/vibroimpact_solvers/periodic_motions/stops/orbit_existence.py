@@ -101,9 +101,9 @@ def _wall_left(one: Orbit, k: int) -> tuple[int, float] | None:
     switching, count = one.switchings[k], len(one.switchings)
     for further in range(count):
         part = (k + further) % count
-        found = _left_in(one, part, *switching.stop, at_begin=further == 0)
-        if found is not None:
-            return part, float(one.times[part]) + found
+        late = _left_in(one, part, *switching.stop, at_begin=further == 0)
+        if late is not None:
+            return part, float(one.times[part]) + late
         next_one = one.switchings[(part + 1) % count]
         if next_one.stop == switching.stop:
             return None

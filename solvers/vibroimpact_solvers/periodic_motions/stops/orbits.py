@@ -242,7 +242,7 @@ def _seen(
     ends: list[Floats],
 ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Return what is zero at switchings, its rates, and the forces of the stops."""
-    found = np.zeros((3, times.size))
+    seen = np.zeros((3, times.size))
     for k, switching in enumerate(switchings):
         side = cell.scenes.watching(came[k], *switching.stop)
         z = ends[k - 1]
@@ -255,8 +255,8 @@ def _seen(
             stop = cell.scenes.stop(*switching.stop)
             level = switching.side * float(side.level[switching.constraint]) - stop.wall
             value, slope = float(form @ (z + steady)) + level, float(form @ rate)
-        found[:, k] = value, slope, force
-    return found[0], found[1], found[2]
+        seen[:, k] = value, slope, force
+    return seen[0], seen[1], seen[2]
 
 
 def newton(

@@ -63,23 +63,23 @@ def start_of(contacts: Sequence[Contact], first: float, length: float) -> Start 
 
     Times are those of the motion. None where stops are not loaded at its end as at its beginning.
     """
-    found, before = list[tuple[float, Switching]](), list[tuple[int, int]]()
+    marks, before = list[tuple[float, Switching]](), list[tuple[int, int]]()
     for each in contacts:
         stop = each.constraint, each.side
         if first <= each.start < first + length:
             presses = each.velocity * each.side > 0.0
             kind = Kind.WALL if presses else Kind.REGAINED
-            found.append((each.start, Switching(kind, *stop)))
+            marks.append((each.start, Switching(kind, *stop)))
         if first <= each.stop < first + length:
-            found.append((each.stop, Switching(Kind.LOST, *stop)))
+            marks.append((each.stop, Switching(Kind.LOST, *stop)))
         if each.start < first <= each.stop:
             before.append(stop)
-    found.sort(key=lambda pair: pair[0])
-    loaded, switchings = tuple(sorted(before)), tuple(switching for _, switching in found)
+    marks.sort(key=lambda pair: pair[0])
+    loaded, switchings = tuple(sorted(before)), tuple(switching for _, switching in marks)
     scenes = scenes_of(loaded, switchings)
     if scenes and scenes[-1] != loaded:
         return None
-    return Start(loaded, switchings, np.array([time for time, _ in found], dtype=np.float64))
+    return Start(loaded, switchings, np.array([time for time, _ in marks], dtype=np.float64))
 
 
 def solutions(problem: Problem, scenes: Scenes) -> Iterator[list[Checked]]:
@@ -87,17 +87,17 @@ def solutions(problem: Problem, scenes: Scenes) -> Iterator[list[Checked]]:
     before = list[Orbit]()
     for f in range(problem.Omega.size):
         cell = Cell(scenes, float(problem.Omega[f]), problem.periods)
-        found = list[Orbit]()
+        orbits = list[Orbit]()
         for start in _starts(problem, cell, before):
-            if any(_near(start, other, problem.turn, _NEAR) for other in found):
+            if any(_near(start, other, problem.turn, _NEAR) for other in orbits):
                 continue
             one = newton(cell, *start)
             one = None if one is None else _in_order(problem, one)
-            if one is not None and not any(_same(problem, one, other) for other in found):
-                found.append(one)
-        found.sort(key=lambda one: tuple(one.times.tolist()))
-        before, linear = found, orbit(cell, (), (), np.zeros(0))
-        yield [Checked.of(one) for one in (([] if linear is None else [linear]) + found)]
+            if one is not None and not any(_same(problem, one, other) for other in orbits):
+                orbits.append(one)
+        orbits.sort(key=lambda one: tuple(one.times.tolist()))
+        before, linear = orbits, orbit(cell, (), (), np.zeros(0))
+        yield [Checked.of(one) for one in (([] if linear is None else [linear]) + orbits)]
 
 
 def _starts(problem: Problem, cell: Cell, before: Sequence[Orbit]) -> Iterator[Start]:

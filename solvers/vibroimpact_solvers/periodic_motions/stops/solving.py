@@ -49,8 +49,8 @@ def _searched(problem: Problem, method: spectrum.Method, tick: Tick | None) -> l
     scenes = Scenes(problem.system, problem.forces(), longest, method)
     each, results = sequences.solutions(problem, scenes), list[Result]()
     for first, last in batches(problem.Omega.size, 1, tick):
-        found = [(0, one) for one in next(each)]
-        tables = orbit_columns.of(problem, scenes, found) | columns.no_impacts()
+        motions = [(0, one) for one in next(each)]
+        tables = orbit_columns.of(problem, scenes, motions) | columns.no_impacts()
         unproved = np.zeros(1, dtype=bool)  # from starts, some may be missed
         results.append(result_of(problem.slice(first, last), tables, unproved, _STATEMENT))
     return results
