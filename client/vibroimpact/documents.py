@@ -175,7 +175,8 @@ class PeriodicMotionsRequest(TypedDict):
 
     At each frequency of the drive: the motion without impacts, and all motions with one impact
     per period, or with one at each wall half a period apart; longer sequences as far as a
-    search finds them. Motions that are not admissible are listed too, with the reason.
+    search finds them. With stops of finite stiffness contacts stand for impacts. Motions that
+    are not admissible are listed too, with the reason.
     """
 
     system: System
@@ -193,8 +194,9 @@ class PeriodicMotionsRequest(TypedDict):
     """Periods of the drive in one period of the motion. Default: 1."""
     sequence: NotRequired[Sequence[SequenceImpact] | Literal["symmetric"]]
     """Impacts of one period in their order; or symmetric: one at each wall of a constraint
-    with equal gaps, the second half of the period mirroring the first. Absent: one impact at
-    the upper wall of constraint 0. Default: [{"constraint": 0, "side": "upper"}].
+    with equal gaps, the second half of the period mirroring the first. Of stops of finite
+    stiffness the contacts, in the order in which they begin. Absent: one impact at the upper
+    wall of constraint 0. Default: [{"constraint": 0, "side": "upper"}].
     """
     constraint: NotRequired[int]
     """Constraint struck by a symmetric motion. Default: 0."""
@@ -270,7 +272,9 @@ class AttractorsRequest(TypedDict):
     longest: NotRequired[int]
     """Largest period, in periods of the drive, that is recognised. Default: 16."""
     section: NotRequired[Literal["phase", "impacts"]]
-    """Points of the section: states at the drive's phase 0, or impacts. Default: "phase"."""
+    """Points of the section: states at the drive's phase 0, or impacts; with stops of finite
+    stiffness, where contacts begin. Default: "phase".
+    """
     points: NotRequired[int]
     """Most points of the section of each attractor. Default: 200."""
     dofs: NotRequired[Sequence[int] | None]

@@ -745,6 +745,14 @@ class AttractorsAttractor(Table):
     """Impacts in one period of a periodic one, else 0, shape (attractor_index)."""
     impact_rate: Floats
     """Mean number of impacts per period of the drive, shape (attractor_index)."""
+    contacts: Integers
+    """Contact phases in one period of a periodic one, else 0, shape (attractor_index); of
+    stops of finite stiffness.
+    """
+    contact_rate: Floats
+    """Mean number of contact phases per period of the drive, shape (attractor_index); of stops
+    of finite stiffness.
+    """
     rests: Words
     """Whether it rests at walls for a while, shape (attractor_index)."""
     exponent: Floats
@@ -796,6 +804,46 @@ class AttractorsImpact(Table):
     """Velocity of the coordinate before the impact, shape (impact_index), length / time."""
 
 
+class AttractorsContact(Table):
+    """The contact phases of one period of periodic attractors, with stops of finite stiffness."""
+
+    attractor: Integers
+    """Row of its attractor, shape (contact_index)."""
+    constraint: Integers
+    """Index of the constraint, shape (contact_index)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (contact_index)."""
+    phase: Floats
+    """Phase of the drive at its beginning, Omega t modulo 2 pi, shape (contact_index); 0 where
+    the stop is loaded throughout.
+    """
+    time: Floats
+    """Time of its beginning in the period of the attractor, which begins with x and v, shape
+    (contact_index), time.
+    """
+    duration: Floats
+    """How long the stop pushes, shape (contact_index), time; the period where it is loaded
+    throughout.
+    """
+    impulse: Floats
+    """Integral of the force of the stop, shape (contact_index), mass length / time."""
+    peak_force: Floats
+    """Largest force of the stop, shape (contact_index), mass length / time²."""
+    velocity: Floats
+    """Velocity of the coordinate at its beginning, shape (contact_index), length / time; nan:
+    the stop is loaded throughout.
+    """
+    indentation: Floats
+    """Largest distance beyond the wall, shape (contact_index), length."""
+    start_indentation: Floats
+    """Distance beyond the wall at its beginning, shape (contact_index), length; positive where
+    a stop with damping pushes again before its wall is left; nan: not confirmed, or the stop is
+    loaded throughout.
+    """
+    energy_lost: Floats
+    """Energy that the contact loses, shape (contact_index), mass length² / time²."""
+
+
 class AttractorsSection(Table):
     """Points of the sections of attractors."""
 
@@ -837,6 +885,8 @@ class AttractorsErrorAttractor(Table):
     """Error of the largest Lyapunov exponent, shape (attractor_index), 1/time; nan: none."""
     impact_rate: Floats
     """Error of the mean number of impacts, shape (attractor_index)."""
+    contact_rate: Floats
+    """Error of the mean number of contact phases, shape (attractor_index)."""
     fraction: Floats
     """Error of the fraction, shape (attractor_index)."""
     x: Floats
@@ -873,6 +923,29 @@ class AttractorsErrorImpact(Table):
     """Error of the velocity, shape (impact_index), length / time; nan: not confirmed."""
 
 
+class AttractorsErrorContact(Table):
+    """Errors of columns of the contact phases."""
+
+    phase: Floats
+    """Error of the phase, shape (contact_index); nan: not confirmed."""
+    time: Floats
+    """Error of the time, shape (contact_index), time; nan: not confirmed."""
+    duration: Floats
+    """Error of the duration, shape (contact_index), time; nan: not confirmed."""
+    impulse: Floats
+    """Error of the impulse, shape (contact_index), mass length / time; nan: not confirmed."""
+    peak_force: Floats
+    """Error of the force, shape (contact_index), mass length / time²; nan: not confirmed."""
+    velocity: Floats
+    """Error of the velocity, shape (contact_index), length / time; nan: not confirmed."""
+    indentation: Floats
+    """Error of the indentation, shape (contact_index), length; nan: not confirmed."""
+    start_indentation: Floats
+    """Error of the indentation, shape (contact_index), length; nan: not confirmed."""
+    energy_lost: Floats
+    """Error of the energy, shape (contact_index), mass length² / time²; nan: not confirmed."""
+
+
 class AttractorsErrorSettled(Table):
     """Errors of columns of the motions."""
 
@@ -887,6 +960,7 @@ class AttractorsError(Table):
         "attractor": AttractorsErrorAttractor,
         "section": AttractorsErrorSection,
         "impact": AttractorsErrorImpact,
+        "contact": AttractorsErrorContact,
         "settled": AttractorsErrorSettled,
     }
     statement: str
@@ -901,6 +975,8 @@ class AttractorsError(Table):
     """Errors of points of sections."""
     impact: AttractorsErrorImpact
     """Errors of columns of the impacts."""
+    contact: AttractorsErrorContact
+    """Errors of columns of the contact phases."""
     settled: AttractorsErrorSettled
     """Errors of columns of the motions."""
 
@@ -949,6 +1025,10 @@ class TimeHistoryContacts(Table):
     """Index of the constraint, shape (contact)."""
     side: Integers
     """Wall: 1 the upper, -1 the lower one, shape (contact)."""
+    velocity: Floats
+    """Velocity of the coordinate at the start, shape (contact), length / time; of stops of
+    finite stiffness; away from the wall where a dashpot pushes again before the wall is left.
+    """
     impulse: Floats
     """Impulse of the wall on the structure, rest to stop, shape (contact), mass length / time;
     the integral of the contact force.
@@ -1006,6 +1086,10 @@ class TimeHistoryErrorContacts(Table):
     """
     stop: Floats
     """Error of the time of release, shape (contact), time; nan: not estimated, or beyond the
+    horizon, or the impact may be missing.
+    """
+    velocity: Floats
+    """Error of the velocity, shape (contact), length / time; nan: not estimated, or beyond the
     horizon, or the impact may be missing.
     """
     impulse: Floats
@@ -1560,6 +1644,7 @@ class Attractors(Result):
     PARTS: ClassVar[dict[str, type[Table]]] = {
         "attractor": AttractorsAttractor,
         "impact": AttractorsImpact,
+        "contact": AttractorsContact,
         "section": AttractorsSection,
         "settled": AttractorsSettled,
         "error": AttractorsError,
@@ -1573,6 +1658,8 @@ class Attractors(Result):
     """One row for each attractor; all undecided motions are one row."""
     impact: AttractorsImpact
     """The impacts of one period of periodic attractors."""
+    contact: AttractorsContact
+    """The contact phases of one period of periodic attractors, with stops of finite stiffness."""
     section: AttractorsSection
     """Points of the sections of attractors."""
     settled: AttractorsSettled

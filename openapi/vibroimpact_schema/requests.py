@@ -304,7 +304,8 @@ class PeriodicMotionsRequest(ComputationRequest):
 
     At each frequency of the drive: the motion without impacts, and all motions with one impact per
     period, or with one at each wall half a period apart; longer sequences as far as a search finds
-    them. Motions that are not admissible are listed too, with the reason.
+    them. With stops of finite stiffness contacts stand for impacts. Motions that are not
+    admissible are listed too, with the reason.
     """
 
     load: Annotated[list[DriveTerm], Field(max_length=1000, fail_fast=True)] = Field(
@@ -319,8 +320,9 @@ class PeriodicMotionsRequest(ComputationRequest):
     sequence: Sequence = Field(
         [SequenceImpact(constraint=0, side="upper")],
         description="Impacts of one period in their order; or symmetric: one at each wall of a "
-        "constraint with equal gaps, the second half of the period mirroring the first. Absent: "
-        "one impact at the upper wall of constraint 0.",
+        "constraint with equal gaps, the second half of the period mirroring the first. Of stops "
+        "of finite stiffness the contacts, in the order in which they begin. Absent: one impact "
+        "at the upper wall of constraint 0.",
     )
     constraint: Index = Field(0, description="Constraint struck by a symmetric motion.")
     start: SequenceStart | None = Field(
@@ -381,7 +383,9 @@ class AttractorsRequest(ComputationRequest):
         16, description="Largest period, in periods of the drive, that is recognised."
     )
     section: Literal["phase", "impacts"] = Field(
-        "phase", description="Points of the section: states at the drive's phase 0, or impacts."
+        "phase",
+        description="Points of the section: states at the drive's phase 0, or impacts; with stops "
+        "of finite stiffness, where contacts begin.",
     )
     points: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = Field(
         200, description="Most points of the section of each attractor."

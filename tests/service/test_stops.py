@@ -14,8 +14,8 @@ from vibroimpact.errors import InvalidRequest
 
 START = ([0.0] * 3, [1.0, 0.0, -0.5])
 COLUMNS = {
-    "start", "rest", "stop", "constraint", "side", "impulse", "peak_force", "indentation",
-    "energy_lost",
+    "start", "rest", "stop", "constraint", "side", "velocity", "impulse", "peak_force",
+    "indentation", "energy_lost",
 }  # fmt: skip
 
 
@@ -100,3 +100,44 @@ def test_a_rigid_law_is_a_restitution() -> None:
 def test_a_damping_needs_a_stiffness() -> None:
     with pytest.raises(ValueError, match="needs a stiffness"):
         vi.constraint(0, 0.1, damping=1.0)
+
+
+@pytest.mark.needs("compiled kernels")
+def test_attractors_have_contacts() -> None:
+    """Their table, its errors, sections at contacts, files, plots and sweeps."""
+    local = vi.Local()
+    stop = vi.constraint(0, {"lower": None, "upper": 0.0}, stiffness=100.0)
+    structure = vi.oscillator([stop], zeta=0.05)
+    load, x, v = [vi.drive(dof=0, amplitude=1.0)], [[-0.5], [-1.0]], [[0.3], [1.0]]
+    settled = local.attractors(structure, 2.9, load, x, v, section="impacts")
+    assert settled.attractor.contacts.tolist() == [2]
+    assert settled.attractor.contact_rate.tolist() == [1.0]
+    assert settled.contact.duration.size == 2
+    assert (settled.error.contact.duration < 1e-9).all()
+    assert settled.section.velocity.size == 2
+    mpl.use("agg")
+    assert settled.plot().lines
+    frame = settled.to_pandas("contact")
+    np.testing.assert_array_equal(frame["peak_force"], settled.contact.peak_force)
+    base = vi.attractors_request(structure, 2.9, load, x, v)
+    over = {"system.constraints.0.law.stiffness": [50.0, 100.0]}
+    grid = local.sweep("attractors", base, over)
+    assert grid.contact_count[1] == 2
+    assert grid.plot().lines
+
+
+@pytest.mark.needs("compiled kernels")
+def test_motions_with_several_contacts() -> None:
+    local = vi.Local()
+    stop = vi.constraint(0, {"lower": None, "upper": 0.0}, stiffness=100.0)
+    structure = vi.oscillator([stop], zeta=0.05)
+    load = [vi.drive(dof=0, amplitude=1.0)]
+    twice = [(0, "upper"), (0, "upper")]
+    motions = local.periodic_motions(structure, [2.9], load, periods=2, sequence=twice)
+    exists = motions.solution.exists & (motions.solution.contacts == 2)
+    assert exists.any()
+    assert motions.frequency.complete.tolist() == ["no"]
+    plan = local.plan("periodic-motions", vi.periodic_motions_request(
+        structure, [2.9], load, periods=2, sequence=twice
+    ))  # fmt: skip
+    assert "newton in switchings" in [step["method"] for step in plan["steps"]]

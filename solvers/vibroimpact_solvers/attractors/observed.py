@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
 
@@ -54,7 +54,9 @@ class Observed:
         it rests and returns to its states but for their rounding (`_returns`).
     impacts : Impacts
     rests : bool
-        Whether it rests at a wall for a while.
+        Whether it rests at a rigid wall for a while.
+    contacts : dict
+        The table of contacts with stops of finite stiffness, columns of `CONTACT`.
     """
 
     row: int
@@ -62,6 +64,12 @@ class Observed:
     v: Floats
     impacts: Impacts
     rests: bool
+    contacts: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def struck(self) -> bool:
+        """Whether it strikes a stop, or is in contact with one."""
+        return bool(self.impacts.time.size or len(self.contacts.get("start", ())))
 
     @property
     def periods(self) -> int:
@@ -119,6 +127,8 @@ def _of_result(problem: Problem, row: int, result: time_history.Result) -> Obser
     table = {name: getattr(result, name) for name in _COLUMNS}
     first, last = float(problem.sections[0]), len(result.x) - 1
     impacts = _impacts(table, first)
+    if problem.stopped:
+        return Observed(row, result.x, result.v, impacts, False, _contacts(result, first))
     if last < problem.observe:  # its window ends after its last state
         impacts = impacts.between(first, float(problem.sections[last]))
     return Observed(row, result.x, result.v, impacts, _rests(result, first))
@@ -149,6 +159,20 @@ def _returns(problem: Problem, result: time_history.Result) -> bool:
     states, scale = states_of(problem, result.x[late], result.v[late])
     period, _ = recurrence(states / scale, problem.longest, close)
     return bool(period and np.abs(states[period:] - states[:-period]).max() <= close * scale)
+
+
+CONTACT: Final = (
+    "constraint", "side", "start", "stop", "velocity", "impulse", "peak_force", "indentation",
+    "energy_lost",
+)  # fmt: skip
+"""Columns of contacts that are kept, as of time histories."""
+
+
+def _contacts(result: time_history.Result, first: float) -> dict[str, Any]:
+    """Return the contacts that last at a time or begin later."""
+    assert result.contact_stop is not None
+    late = result.contact_stop > first
+    return {name: getattr(result, f"contact_{name}")[late] for name in CONTACT}
 
 
 _COLUMNS: Final = tuple(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vibroimpact_solvers import spectrum, time_history
+from vibroimpact_solvers.attractors.contact_verification import MOST_CONTACTS
 from vibroimpact_solvers.attractors.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.attractors.verification import MOST_IMPACTS
 from vibroimpact_solvers.errors import PlanError
@@ -26,6 +27,9 @@ _MANY = (
     "motions in parallel, without errors of their own; one in windows that rests and returns to "
     "its states but for their rounding ends with its window"
 )
+_SWITCH = 1e3  # operations of one motion in a loop over arrays of many, with stops that yield
+_LOOP = 1e5  # operations of one event of that loop, however many motions there are
+_PROOF = 5e7  # operations of a proof with contacts, of any structure
 _EVENT = 3e3  # operations of one motion in a loop over arrays of many
 
 
@@ -98,16 +102,27 @@ def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
         elif step.stage is Stage.HISTORY:
             reason = f"states once per period of the drive, of {_batch(problem)} motions at a time"
             yield replace(step, reason=reason, flops=step.flops * count, bytes=0.0)
-    events = count * periods * (1.0 + _IMPACTS)
+    switchings = 2.0 * _IMPACTS if problem.stopped else _IMPACTS
+    events = count * periods * (1.0 + switchings)
     reason = (
         "one deviation carried along by the linearised motion: its growth decides about chaos, "
         "against its own error"
     )
     flops = events * (60.0 * modes + _EVENT)
+    if problem.stopped:
+        flops = events * (60.0 * modes + _SWITCH) + count * periods * switchings * 8.0 * modes**2
+        flops += _LOOP * periods * (1.0 + switchings)
     yield Step(Stage.STABILITY, "saltation", reason, flops, _MOTION * count, bounded=False)
     yield _comparison(problem)
     strikes = _strikes(problem)
-    if "stability" in problem.outputs:
+    if "stability" in problem.outputs and problem.stopped:
+        reason = (
+            f"periodic attractors of up to {MOST_CONTACTS} contacts, begun at the switchings that "
+            "time histories end with"
+        )
+        flops = _EXPECTED * (_PROOF + 1e4 * modes**3)
+        yield Step(Stage.IMPULSE, "newton", reason, flops, 0.0, bounded=False)
+    elif "stability" in problem.outputs:
         reason = (
             f"periodic attractors of up to {MOST_IMPACTS} impacts, begun at the impacts that time "
             "histories end with"

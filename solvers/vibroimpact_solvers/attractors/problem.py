@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -15,7 +15,7 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import require
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import Constraint, System
 from vibroimpact_solvers.periodic_motions import Force
 
 KIND: Final = "attractors"
@@ -89,11 +89,17 @@ class Problem:
         self._check_structure()
         time_history.check_states(self.system, self.x, self.v)
         self._check_counts()
-        start = time_history.first_start(self.system.constraints, self.x, self.v, report)
+        limits = () if self.stopped else self.system.constraints
+        start = time_history.first_start(limits, self.x, self.v, report)
         if start is None:
             time_history.refuse_all(self.motion)
         object.__setattr__(self, "start", start)
         self.pattern  # noqa: B018 (checks the rest of what all motions share)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the stops have a finite stiffness."""
+        return any(not constraint.law.rigid for constraint in self.system.constraints)
 
     @property
     def size(self) -> int:
@@ -173,7 +179,10 @@ class Problem:
         phases: Floats | None = None,
         constraint: int = 0,
     ) -> periodic_motions.Problem:
-        """Return the problem of the periodic motions with a sequence of impacts."""
+        """Return the problem of the periodic motions with a sequence of impacts.
+
+        Stops of finite stiffness stand there as rigid ones, for the load and the frequency alone.
+        """
         if not sequence:
             wall = next(
                 (i, side)
@@ -182,8 +191,12 @@ class Problem:
                 if at is not None
             )
             sequence = (periodic_motions.Impact(*wall),)
+        system = self.system
+        if self.stopped:
+            walls = [Constraint(c.dofs, c.weights, c.lower, c.upper) for c in system.constraints]
+            system = replace(system, constraints=tuple(walls))
         return periodic_motions.Problem(
-            self.system, self.Omega, self.load, periods, sequence, constraint, phases,
+            system, self.Omega, self.load, periods, sequence, constraint, phases,
             outputs=frozenset({"exists", "stability"}),
         )  # fmt: skip
 
@@ -193,7 +206,7 @@ class Problem:
             message = "a structure without stops has one motion that all settle on: its response"
             raise ModelError(("system", "constraints"), message, code="no_constraint")
         damped = system.C is not None and bool(system.C.data.any())
-        if not damped and all(c.restitution == 1.0 for c in system.constraints):
+        if not damped and not any(c.law.lossy for c in system.constraints):
             message = "without damping or losses at the stops no motion settles: no attractor"
             raise ModelError(("system", "C"), message, code="undamped")
         if not self.load:

@@ -65,6 +65,8 @@ def _points(problem: Problem, one: Verdict, dofs: Integers) -> dict[str, Any]:
     if problem.section == "phase":
         last = slice(-min(problem.points, one.period or problem.points), None)
         return {"x": one.motion.x[last][:, dofs], "v": one.motion.v[last][:, dofs]}
+    if problem.stopped:
+        return _contact_points(problem, one)
     impacts, last = one.motion.impacts, slice(-problem.points, None)
     if one.period:
         impacts, last = sequence(problem, one), slice(problem.points)
@@ -74,4 +76,20 @@ def _points(problem: Problem, one: Verdict, dofs: Integers) -> dict[str, Any]:
         "side": impacts.side[last],
         "phase": phase[last],
         "velocity": impacts.velocity[last],
+    }
+
+
+def _contact_points(problem: Problem, one: Verdict) -> dict[str, Any]:
+    """Return the points of one attractor at which stops of finite stiffness begin to push."""
+    table, start = one.motion.contacts, float(problem.sections[0])
+    end = float(problem.sections[one.motion.periods])
+    last = slice(-problem.points, None)
+    if one.period:
+        start, last = end - one.period * problem.period, slice(problem.points)
+    kept = np.flatnonzero((table["start"] >= start) & (table["start"] < end))[last]
+    return {
+        "constraint": table["constraint"][kept],
+        "side": table["side"][kept],
+        "phase": np.mod(float(problem.Omega[0]) * table["start"][kept], 2.0 * np.pi),
+        "velocity": table["velocity"][kept],
     }

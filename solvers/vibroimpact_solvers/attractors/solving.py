@@ -8,23 +8,32 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
-from vibroimpact_solvers.attractors.exponents import Exponents
+from vibroimpact_solvers.attractors import contact_columns
+from vibroimpact_solvers.attractors.contact_exponents import OfContacts
+from vibroimpact_solvers.attractors.contact_verification import ConfirmedContacts
+from vibroimpact_solvers.attractors.contact_verification import confirmed as confirmed_contacts
+from vibroimpact_solvers.attractors.exponents import OfImpacts
 from vibroimpact_solvers.attractors.grouping import Group, place
+from vibroimpact_solvers.attractors.growth import Exponents
 from vibroimpact_solvers.attractors.observed import Observed, observe
 from vibroimpact_solvers.attractors.planning import Batches
 from vibroimpact_solvers.attractors.problem import Problem
+from vibroimpact_solvers.attractors.rates import rate
 from vibroimpact_solvers.attractors.sections import sections
 from vibroimpact_solvers.attractors.verdicts import Verdict, verdict
 from vibroimpact_solvers.attractors.verification import Confirmed, confirmed
 from vibroimpact_solvers.errors import Status
 from vibroimpact_solvers.meter import metered, released
+from vibroimpact_solvers.periodic_motions.problem import harmonic_forces
+from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.attractors import Nature, Result, Verification
 from vibroimpact_solvers.stability import neutral
 
+Proof = Confirmed | ConfirmedContacts
 _FAILURES: Final = 10
-_PARTS: Final = 10  # of the observation, whose means are compared
 _NORMAL: Final = 1.959963984540054  # two-sided 95 % of the normal distribution
 _STATEMENT: Final = (
     "fractions: the interval of Wilson that contains the fraction of all initial states drawn like "
@@ -73,7 +82,9 @@ def settle(problem: Problem, plan: Plan, tick: Tick | None = None) -> Settled:
     step = plan.step(Stage.FREE_MOTION)
     assert step is not None
     assert isinstance(step.settings, Batches)
-    exponents, histories = Exponents(problem), step.settings.history
+    scenes = _scenes(problem) if problem.stopped else None
+    exponents: Exponents = OfContacts(problem, scenes) if scenes else OfImpacts(problem)
+    histories = step.settings.history
     groups, failures, undecided = list[Group](), list[str](), list[str]()
     count = problem.size
     row_of, period = np.full(count, -1), np.zeros(count, dtype=np.int64)
@@ -109,7 +120,13 @@ def settle(problem: Problem, plan: Plan, tick: Tick | None = None) -> Settled:
         done = stop
         report()
     newton = plan.step(Stage.IMPULSE) is not None
-    proofs = [confirmed(problem, group.shown, newton=newton) for group in groups]
+    proofs: list[Proof]
+    if scenes is None:
+        proofs = [confirmed(problem, group.shown, newton=newton) for group in groups]
+    else:
+        proofs = [
+            confirmed_contacts(problem, scenes, group.shown, wanted=newton) for group in groups
+        ]
     dofs = problem.output_dofs
     values: dict[str, Any] = {
         "Omega": float(problem.Omega[0]),
@@ -125,13 +142,21 @@ def settle(problem: Problem, plan: Plan, tick: Tick | None = None) -> Settled:
         "error_undecided": undecided,
     }
     values |= _attractors(problem, groups, proofs) | _confirmations(groups, proofs, newton=newton)
-    values |= _impacts(problem, groups, proofs) | sections(
-        problem, [group.shown for group in groups], dofs
-    )
+    shown = [group.shown for group in groups]
+    struck = [proof for proof in proofs if isinstance(proof, Confirmed)]
+    touched = [proof for proof in proofs if isinstance(proof, ConfirmedContacts)]
+    values |= _impacts(problem, groups if struck else [], struck)
+    values |= contact_columns.of(problem, shown, touched) | sections(problem, shown, dofs)
     return Settled(Result(**values), x, v)
 
 
-def _natures(groups: Sequence[Group], proofs: Sequence[Confirmed]) -> list[Nature]:
+def _scenes(problem: Problem) -> Scenes:
+    """Return the structure with its stops of finite stiffness."""
+    load = harmonic_forces(problem.load, problem.system.n)
+    return Scenes(problem.system, load, problem.period, spectrum.choose(problem.system))
+
+
+def _natures(groups: Sequence[Group], proofs: Sequence[Proof]) -> list[Nature]:
     """Return what the attractors are; a motion that rests on an unstable one is undecided."""
     return [
         Nature.UNDECIDED if proof.verification is Verification.UNSTABLE else group.shown.nature
@@ -140,7 +165,7 @@ def _natures(groups: Sequence[Group], proofs: Sequence[Confirmed]) -> list[Natur
 
 
 def _attractors(
-    problem: Problem, groups: Sequence[Group], proofs: Sequence[Confirmed]
+    problem: Problem, groups: Sequence[Group], proofs: Sequence[Proof]
 ) -> dict[str, Any]:
     """Return the columns of the table of attractors."""
     shown, dofs = [group.shown for group in groups], problem.output_dofs
@@ -151,14 +176,17 @@ def _attractors(
     left = np.array([one.distance * one.scale for one in shown], dtype=np.float64)
     left = np.repeat(left[:, np.newaxis], dofs.size, axis=1)
     states = np.zeros((2, len(groups), dofs.size))
-    rates = np.array([_rate(problem, *pair) for pair in zip(shown, proofs, strict=True)])
-    rates = rates.reshape(-1, 2)
+    impacts = [p.phase.size if isinstance(p, Confirmed) else 0 for p in proofs]
+    rates = np.array([
+        rate(problem, one, one.motion.impacts.time, count, p.verification)
+        for one, count, p in zip(shown, impacts, proofs, strict=True)
+    ]).reshape(-1, 2)  # fmt: skip
     for row, one in enumerate(shown):
         states[:, row] = one.motion.x[-1, dofs], one.motion.v[-1, dofs]
     return {
         "attractor_nature": np.array(_natures(groups, proofs), dtype=np.int64),
         "attractor_period": np.array([one.period for one in shown], dtype=np.int64),
-        "attractor_impacts": np.array([p.phase.size for p in proofs], dtype=np.int64),
+        "attractor_impacts": np.array(impacts, dtype=np.int64),
         "attractor_impact_rate": rates[:, 0],
         "error_impact_rate": rates[:, 1],
         "attractor_rests": np.array([one.motion.rests for one in shown], dtype=bool),
@@ -176,26 +204,6 @@ def _attractors(
     }
 
 
-def _rate(problem: Problem, one: Verdict, proof: Confirmed) -> tuple[float, float]:
-    """Return the mean number of impacts per period of the drive, and its error.
-
-    Periodic motions have so many in each of their periods, whenever they are observed. Of others
-    the error is that of one impact at an end of the observation and of the mean of parts, three
-    standard errors. Where bodies rest, impacts before that are as many as rounding lets be told.
-    """
-    periods = one.motion.periods
-    observed = one.motion.impacts.time.size / periods
-    if one.period and not one.motion.rests:
-        rate = proof.phase.size / one.period
-        exact = proof.verification is Verification.CONFIRMED
-        return rate, 0.0 if exact else abs(rate - observed)
-    begin, T, count = float(problem.sections[0]), problem.period, min(_PARTS, periods)
-    ends = begin + T * np.linspace(0.0, periods, count + 1)
-    numbers = np.histogram(one.motion.impacts.time, ends)[0] * (count / periods)
-    spread = 0.0 if one.period or count < 2 else float(numbers.std(ddof=1)) / math.sqrt(count)
-    return observed, 1.0 / periods + 3.0 * spread
-
-
 def _exponent(group: Group) -> tuple[float, float]:
     """Return the exponent of an attractor: the mean of all motions, of one where it is periodic."""
     shown = group.shown
@@ -208,7 +216,7 @@ def _exponent(group: Group) -> tuple[float, float]:
 
 
 def _confirmations(
-    groups: Sequence[Group], proofs: Sequence[Confirmed], *, newton: bool
+    groups: Sequence[Group], proofs: Sequence[Proof], *, newton: bool
 ) -> dict[str, Any]:
     """Return the columns about Newton's method, None where it was not asked for."""
     if not newton:

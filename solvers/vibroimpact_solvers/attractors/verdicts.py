@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.attractors.exponents import Growth, contraction
+from vibroimpact_solvers.attractors.growth import Growth, contraction
 from vibroimpact_solvers.attractors.observed import Impacts, Observed
 from vibroimpact_solvers.attractors.problem import Problem
 from vibroimpact_solvers.attractors.recurrence import SMALL, recurrence, states_of
@@ -74,7 +74,7 @@ def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> V
     states, scale = states_of(problem, motion.x, motion.v)
     period, apart = recurrence(states / scale, problem.longest, problem.close)
     nature, T, hint = Nature.UNDECIDED, problem.period, ""
-    if not motion.impacts.time.size and not motion.rests and not exponent < -error:
+    if not motion.struck and not motion.rests and not exponent < -error:
         # Whatever it returns to, its neighbours do not come closer.
         hint = "no impact and no damping draws neighbouring motions to it"
     elif period and not exponent > error:

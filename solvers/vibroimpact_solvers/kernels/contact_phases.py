@@ -34,6 +34,7 @@ from vibroimpact_solvers.kernels.stopped_scenes import (
 
 SAMPLED: Final = 6.0
 """Errors of forms over what the largest of five samples of each pair makes of them."""
+_ROUNDED = 8.0  # roundings of a velocity
 _LARGEST = 1e150  # deviation that counts, beyond the horizon
 
 PHASE: Final = record(
@@ -52,7 +53,8 @@ PHASE: Final = record(
         ("error_energy_lost", "f8"),
         ("constraint", "i8"),
         ("side", "i8"),
-        ("speed", "f8"),  # at its start
+        ("velocity", "f8"),  # of the coordinate at its start
+        ("error_velocity", "f8"),
         # While it is summed up over a free motion: the integral of the squared rate, and what
         # polynomials leave out of the indentation and of its rate.
         ("square", "f8"),
@@ -120,18 +122,21 @@ def indentation_of(
 
 @inline
 def begin_phase(
-    prepared: Scenes, phases: Phases, a: int, side: int, time: float, error: float,
-    speed: float, speed_error: float, row: int,
+    prepared: Scenes, phases: Phases, a: int, side: int, time: tuple[float, float],
+    velocity: tuple[float, float], late: float, row: int,
 ) -> None:  # fmt: skip
-    """Begin a phase at a time of the basis, at some speed, both known to an error."""
+    """Begin a phase at a time of the basis, with a velocity; each is given with its error.
+
+    late is the part of the velocity's error that comes from that of the time.
+    """
     contact, scale = phases.rows[row], prepared.scale
     contact.constraint, contact.side = a, side
-    contact.start, contact.error_start = time / scale, error / scale
+    contact.start, contact.error_start = time[0] / scale, time[1] / scale
     contact.stop, contact.error_stop = np.nan, 0.0
     contact.impulse = contact.peak_force = contact.indentation = contact.energy_lost = 0.0
     contact.error_impulse = contact.error_indentation = contact.error_energy_lost = 0.0
-    contact.speed = abs(speed) * scale
-    contact.error_peak_force = prepared.laws[a].damping * speed_error * scale
+    contact.velocity, contact.error_velocity = velocity[0] * scale, velocity[1] * scale
+    contact.error_peak_force = prepared.laws[a].damping * late * scale
     phases.marks[LASTING, a] = row
 
 
@@ -148,7 +153,7 @@ def end_phase(prepared: Scenes, phases: Phases, a: int, time: float, error: floa
         # A dashpot pushes from the first instant on, a little earlier or later.
         more = contact.error_start * contact.peak_force
         contact.error_impulse += more
-        contact.error_energy_lost += more * contact.speed
+        contact.error_energy_lost += more * abs(contact.velocity)
 
 
 @inline
@@ -191,12 +196,13 @@ def account(
         beyond = indentation_of(prepared, structure, place, a, side_of(new), z)
         count_spring(prepared, phases, a, beyond, error_of(form, spread), True)
     if abs(new) == LOADED:
-        speed, bends = product(structure.watched.velocity[a], z), 0.0
-        if prepared.laws[a].damping > 0.0:
-            # As far as the time is unknown, the speed is, and the first force with it.
-            near_derivatives(structure.flow, form, z, scratch.low)
-            bends = abs(scratch.low[2])
-        begin_phase(prepared, phases, a, side_of(new), time, error, speed, bends * error, row)
+        # As far as the time is unknown, the velocity is, and the first force of a dashpot with it.
+        near_derivatives(structure.flow, form, z, scratch.low)
+        rate, late = structure.watched.velocity[a], abs(scratch.low[2]) * error
+        off = late + error_of(rate, spread) + _ROUNDED * EPS * magnitude(rate, z)
+        begin_phase(
+            prepared, phases, a, side_of(new), (time, error), (product(rate, z), off), late, row
+        )
 
 
 @inner
@@ -206,8 +212,9 @@ def begin_all(prepared: Scenes, structure: Structure, place: int, phases: Phases
     for a in range(phases.marks.shape[1]):
         code = prepared.stops[place, a].state
         if abs(code) == LOADED:
-            speed = product(structure.watched.velocity[a], z)
-            begin_phase(prepared, phases, a, side_of(code), 0.0, 0.0, speed, 0.0, count)
+            rate = structure.watched.velocity[a]
+            velocity = product(rate, z), _ROUNDED * EPS * magnitude(rate, z)
+            begin_phase(prepared, phases, a, side_of(code), (0.0, 0.0), velocity, 0.0, count)
             count += 1
     return count
 

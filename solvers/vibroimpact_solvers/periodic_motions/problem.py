@@ -53,6 +53,22 @@ class Force:
         return replace(self, amplitude=self.amplitude * Omega**self.power, power=0)
 
 
+def harmonic_forces(
+    load: tuple[Force, ...], n: int
+) -> tuple[Floats, Integers, NDArray[np.complex128]]:
+    """Return harmonics, their powers of the frequency and their forces, see `Problem.forces`."""
+    harmonics = np.unique([force.harmonic for force in load]).astype(np.float64)
+    forces = np.zeros((harmonics.size, n), dtype=np.complex128)
+    powers = np.zeros(harmonics.size, dtype=np.int64)
+    for force in load:
+        k = int(np.searchsorted(harmonics, force.harmonic))
+        powers[k] = force.power
+        amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
+        for dof, weight in zip(force.dofs, force.weights, strict=True):
+            forces[k, dof] += amplitude * weight
+    return harmonics, powers, forces
+
+
 @dataclass(frozen=True, slots=True)
 class Impact:
     """An impact: the constraint, and 1 for its upper wall or -1 for its lower one."""
@@ -129,6 +145,17 @@ class Problem:
         return any(not constraint.law.rigid for constraint in self.system.constraints)
 
     @property
+    def searched(self) -> bool:
+        """Whether solutions are looked for from many starts, of which none is proved to miss."""
+        if self.stopped:
+            return len(self.impacts) > 1 or len(self._harmonics) > 1
+        return len(self.impacts) > 1
+
+    @property
+    def _harmonics(self) -> set[int]:
+        return {force.harmonic for force in self.load if force.amplitude != 0.0}
+
+    @property
     def symmetric(self) -> bool:
         """Whether the second half of the period mirrors the first."""
         return self.sequence == SYMMETRIC
@@ -150,16 +177,7 @@ class Problem:
 
         The latter have the shape (harmonic, dof); forces of one harmonic have one power.
         """
-        harmonics = np.unique([force.harmonic for force in self.load]).astype(np.float64)
-        forces = np.zeros((harmonics.size, self.system.n), dtype=np.complex128)
-        powers = np.zeros(harmonics.size, dtype=np.int64)
-        for force in self.load:
-            k = int(np.searchsorted(harmonics, force.harmonic))
-            powers[k] = force.power
-            amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
-            for dof, weight in zip(force.dofs, force.weights, strict=True):
-                forces[k, dof] += amplitude * weight
-        return harmonics, powers, forces
+        return harmonic_forces(self.load, self.system.n)
 
     def slice(self, start: int, stop: int) -> Problem:
         """Return the problem of some of the frequencies."""
@@ -221,25 +239,21 @@ class Problem:
         if rigid is not None:
             message = "rigid stops beside stops of finite stiffness are not computed yet"
             raise ModelError(("system", "constraints", rigid), message, code="not_possible")
-        if len(self.impacts) > 1:
+        if not self._harmonics:
+            message = "motions with linear stops are computed for driven structures: no load acts"
+            raise ModelError(("load",), message, code="not_possible")
+        if self.symmetric and len(self._harmonics) > 1:
             message = (
-                "with linear stops, motions are computed that have one contact in their period, "
-                "or one at each wall half a period apart: name one contact, or symmetric"
-            )
-            raise ModelError(("sequence",), message, code="not_possible")
-        harmonics = {force.harmonic for force in self.load if force.amplitude != 0.0}
-        if len(harmonics) != 1:
-            message = (
-                "motions with linear stops are computed for loads of one harmonic: this one has "
-                f"{len(harmonics)}"
+                "symmetric motions with linear stops are computed for loads of one harmonic: this "
+                f"one has {len(self._harmonics)}"
             )
             raise ModelError(("load",), message, code="not_possible")
-        (impact,) = self.impacts
-        law = constraints[impact.constraint].law
-        if isinstance(law, Linear) and law.stiffness == 0.0 and not law.damping:
-            message = "the stop has neither stiffness nor damping: there is no contact"
-            pointer = ("system", "constraints", impact.constraint, "law", "stiffness")
-            raise ModelError(pointer, message, code="no_force")
+        for impact in self.impacts:
+            law = constraints[impact.constraint].law
+            if isinstance(law, Linear) and law.stiffness == 0.0 and not law.damping:
+                message = "the stop has neither stiffness nor damping: there is no contact"
+                pointer = ("system", "constraints", impact.constraint, "law", "stiffness")
+                raise ModelError(pointer, message, code="no_force")
 
     def _check_sequence(self) -> None:
         constraints = self.system.constraints

@@ -78,10 +78,10 @@ def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
 def split(problem: Problem, plan: Plan, seconds: float) -> list[Problem]:
     """Cut a problem into ranges of frequency of about that cost.
 
-    Sequences of several impacts are not cut: each frequency begins with the solutions of the one
+    Searches from many starts are not cut: each frequency begins with the solutions of the one
     before.
     """
-    if len(problem.impacts) > 1:
+    if problem.searched:
         return [problem]
     each = plan.seconds / problem.Omega.size
     size = max(1, int(seconds / each))

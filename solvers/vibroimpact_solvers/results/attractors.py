@@ -45,6 +45,10 @@ def _impact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
     return Quantity(("impact",), unit, long_name, path=f"impact/{column}", **rest)
 
 
+def _contact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
+    return Quantity(("contact",), unit, long_name, path=f"contact/{column}", **rest)
+
+
 def _section(column: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
     return Quantity(("section", *dims), unit, long_name, path=f"section/{column}", **rest)
 
@@ -70,12 +74,21 @@ class Result:
             "Attractors", "One row for each attractor; all undecided motions are one row.", False
         ),
         "impact": Group("AttractorImpacts", "The impacts of one period of periodic attractors."),
+        "contact": Group(
+            "AttractorContacts",
+            "The contact phases of one period of periodic attractors, with stops of finite "
+            "stiffness.",
+            False,
+        ),
         "section": Group("AttractorSections", "Points of the sections of attractors.", False),
         "settled": Group("SettledMotions", "What each motion settles on."),
         "error": Group("AttractorError", "Errors of the outputs."),
         "error/attractor": Group("AttractorErrors", "Errors of columns of the attractors.", False),
         "error/section": Group("AttractorSectionErrors", "Errors of points of sections.", False),
         "error/impact": Group("AttractorImpactErrors", "Errors of columns of the impacts."),
+        "error/contact": Group(
+            "AttractorContactErrors", "Errors of columns of the contact phases.", False
+        ),
         "error/settled": Group("SettledErrors", "Errors of columns of the motions."),
     }
 
@@ -115,6 +128,20 @@ class Result:
             error="error/attractor/impact_rate",
         ),
     ]
+    attractor_contacts: Annotated[
+        Integers | None,
+        _attractor(
+            "contacts", "1", "contact phases in one period of a periodic one, else 0",
+            note="of stops of finite stiffness",
+        ),
+    ]  # fmt: skip
+    attractor_contact_rate: Annotated[
+        Floats | None,
+        _attractor(
+            "contact_rate", "1", "mean number of contact phases per period of the drive",
+            error="error/attractor/contact_rate", note="of stops of finite stiffness",
+        ),
+    ]  # fmt: skip
     attractor_rests: Annotated[
         Booleans, _attractor("rests", "1", "whether it rests at walls for a while", flags=NO_YES)
     ]
@@ -186,6 +213,82 @@ class Result:
         _impact("velocity", "length time-1", "velocity of the coordinate before the impact",
                 error="error/impact/velocity"),
     ]  # fmt: skip
+    contact_attractor: Annotated[
+        Integers | None, _contact("attractor", "1", "row of its attractor")
+    ]
+    contact_constraint: Annotated[
+        Integers | None, _contact("constraint", "1", "index of the constraint")
+    ]
+    contact_side: Annotated[
+        Integers | None,
+        _contact("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1)),
+    ]
+    contact_phase: Annotated[
+        Floats | None,
+        _contact(
+            "phase", "1", "phase of the drive at its beginning, Omega t modulo 2 pi",
+            note="0 where the stop is loaded throughout", error="error/contact/phase",
+        ),
+    ]  # fmt: skip
+    contact_time: Annotated[
+        Floats | None,
+        _contact(
+            "time", "time",
+            "time of its beginning in the period of the attractor, which begins with x and v",
+            error="error/contact/time",
+        ),
+    ]  # fmt: skip
+    contact_duration: Annotated[
+        Floats | None,
+        _contact(
+            "duration", "time", "how long the stop pushes",
+            note="the period where it is loaded throughout", error="error/contact/duration",
+        ),
+    ]  # fmt: skip
+    contact_impulse: Annotated[
+        Floats | None,
+        _contact(
+            "impulse", "mass length time-1", "integral of the force of the stop",
+            error="error/contact/impulse",
+        ),
+    ]  # fmt: skip
+    contact_peak_force: Annotated[
+        Floats | None,
+        _contact(
+            "peak_force", "mass length time-2", "largest force of the stop",
+            error="error/contact/peak_force",
+        ),
+    ]  # fmt: skip
+    contact_velocity: Annotated[
+        Floats | None,
+        _contact(
+            "velocity", "length time-1", "velocity of the coordinate at its beginning",
+            error="error/contact/velocity", missing="the stop is loaded throughout",
+        ),
+    ]  # fmt: skip
+    contact_indentation: Annotated[
+        Floats | None,
+        _contact(
+            "indentation", "length", "largest distance beyond the wall",
+            error="error/contact/indentation",
+        ),
+    ]  # fmt: skip
+    contact_start_indentation: Annotated[
+        Floats | None,
+        _contact(
+            "start_indentation", "length", "distance beyond the wall at its beginning",
+            note="positive where a stop with damping pushes again before its wall is left",
+            missing="not confirmed, or the stop is loaded throughout",
+            error="error/contact/start_indentation",
+        ),
+    ]  # fmt: skip
+    contact_energy_lost: Annotated[
+        Floats | None,
+        _contact(
+            "energy_lost", "mass length2 time-2", "energy that the contact loses",
+            error="error/contact/energy_lost",
+        ),
+    ]  # fmt: skip
     section_attractor: Annotated[
         Integers | None, _section("attractor", "1", "row of its attractor")
     ]
@@ -242,6 +345,10 @@ class Result:
     error_impact_rate: Annotated[
         Floats, _error("attractor/impact_rate", "1", "mean number of impacts", "attractor")
     ]
+    error_contact_rate: Annotated[
+        Floats | None,
+        _error("attractor/contact_rate", "1", "mean number of contact phases", "attractor"),
+    ]
     error_fraction: Annotated[Floats, _error("attractor/fraction", "1", "fraction", "attractor")]
     error_x: Annotated[
         Floats,
@@ -285,4 +392,52 @@ class Result:
     error_velocity: Annotated[
         Floats,
         _error("impact/velocity", "length time-1", "velocity", "impact", missing="not confirmed"),
+    ]
+    error_contact_phase: Annotated[
+        Floats | None,
+        _error("contact/phase", "1", "phase", "contact", missing="not confirmed"),
+    ]
+    error_contact_time: Annotated[
+        Floats | None,
+        _error("contact/time", "time", "time", "contact", missing="not confirmed"),
+    ]
+    error_contact_duration: Annotated[
+        Floats | None,
+        _error("contact/duration", "time", "duration", "contact", missing="not confirmed"),
+    ]
+    error_contact_impulse: Annotated[
+        Floats | None,
+        _error(
+            "contact/impulse", "mass length time-1", "impulse", "contact", missing="not confirmed"
+        ),
+    ]
+    error_contact_peak_force: Annotated[
+        Floats | None,
+        _error(
+            "contact/peak_force", "mass length time-2", "force", "contact", missing="not confirmed"
+        ),
+    ]
+    error_contact_velocity: Annotated[
+        Floats | None,
+        _error("contact/velocity", "length time-1", "velocity", "contact", missing="not confirmed"),
+    ]
+    error_contact_indentation: Annotated[
+        Floats | None,
+        _error("contact/indentation", "length", "indentation", "contact", missing="not confirmed"),
+    ]
+    error_contact_start_indentation: Annotated[
+        Floats | None,
+        _error(
+            "contact/start_indentation", "length", "indentation", "contact", missing="not confirmed"
+        ),
+    ]
+    error_contact_energy_lost: Annotated[
+        Floats | None,
+        _error(
+            "contact/energy_lost",
+            "mass length2 time-2",
+            "energy",
+            "contact",
+            missing="not confirmed",
+        ),
     ]

@@ -65,7 +65,7 @@ _UNSURE = f"{_BEYOND}, or the impact may be missing"
 _ROUNDING = "in units of the rounding 2^-52"
 LAWS: Final = ("newton", "poisson", "moreau")
 """Laws of impact, in the order of `kernels.impact_law`."""
-OF_STOPS: Final = ("peak_force", "indentation", "energy_lost")
+OF_STOPS: Final = ("contact_velocity", "peak_force", "indentation", "energy_lost")
 """Columns of contacts that stops of finite stiffness have, and rigid ones have not."""
 _SIDE = "wall: 1 the upper, -1 the lower one"
 
@@ -196,6 +196,18 @@ class Result:
         Integers | None, _contact("1", "index of the constraint", "constraint")
     ]
     contact_side: Annotated[Integers | None, _contact("1", _SIDE, "side", integers=(-1, 1))]
+    contact_velocity: Annotated[
+        Floats | None,
+        _contact(
+            "length time-1",
+            "velocity of the coordinate at the start",
+            "velocity",
+            note="of stops of finite stiffness; away from the wall where a dashpot pushes again "
+            "before the wall is left",
+            error="error/contacts/velocity",
+            sometimes=True,
+        ),
+    ]
     contact_impulse: Annotated[
         Floats | None,
         _contact(
@@ -281,6 +293,12 @@ class Result:
     ]
     error_contact_stop: Annotated[
         Floats | None, _error("contacts/stop", ("contact",), "time", "time of release", _UNSURE)
+    ]
+    error_contact_velocity: Annotated[
+        Floats | None,
+        _error(
+            "contacts/velocity", ("contact",), "length time-1", "velocity", _UNSURE, sometimes=True
+        ),
     ]
     error_contact_impulse: Annotated[
         Floats | None,

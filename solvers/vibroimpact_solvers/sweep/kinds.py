@@ -214,7 +214,7 @@ KINDS: Final[Mapping[str, SweptKind]] = {
             Rule("dofs.*", Stage.FREE_MOTION, changes=("dof",)),
             Rule("tolerance", Stage.FREE_MOTION),
         ),
-        ragged=frozenset({"attractor", "impact", "section"}),
+        ragged=frozenset({"attractor", "impact", "contact", "section"}),
         continued=attractors.continued,
     ),
     "time-history": SweptKind(

@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from vibroimpact_solvers import (
-    attractors,
     ensemble,
     existence_bands,
     impact_modes,
@@ -342,7 +341,6 @@ def test_a_stop_far_too_stiff_for_modes_is_named() -> None:
 
 
 STOPPED = one_mass(Linear(10.0), 0.1, K=1.0)
-ZERO = np.zeros(1)
 
 
 @pytest.mark.parametrize(
@@ -351,8 +349,6 @@ ZERO = np.zeros(1)
         ("impact-modes", lambda: impact_modes.Problem(STOPPED, np.ones(1))),
         ("existence-bands", lambda: existence_bands.Problem(STOPPED, 1.0, 2.0)),
         ("resonances", lambda: resonances.Problem(STOPPED, 0, 3)),
-        ("attractors", lambda: attractors.Problem(
-                STOPPED, np.ones(1), ZERO[None], ZERO[None], ())),
     ],
 )  # fmt: skip
 def test_kinds_refuse_laws_that_they_do_not_offer(kind: str, make: Any) -> None:
@@ -362,7 +358,7 @@ def test_kinds_refuse_laws_that_they_do_not_offer(kind: str, make: Any) -> None:
     assert refused.value.pointer == ("system", "constraints", 0, "law")
     assert refused.value.message == (
         f"{kind} is computed with rigid stops; constraint 0 has a linear one, which is offered by "
-        "time-history, ensemble and periodic-motions"
+        "time-history, ensemble, periodic-motions and attractors"
     )
 
 

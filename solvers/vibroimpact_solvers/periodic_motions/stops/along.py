@@ -12,8 +12,9 @@ from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import prescribed
-from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
+from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side, Stop
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
+from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 
 _NODES: Final = 12
@@ -231,23 +232,26 @@ class Sums:
     impulse_error: float = 0.0
     rubbed_error: float = 0.0
 
+    @classmethod
+    def nothing(cls, dofs: int) -> Sums:
+        """Return the sums over no time."""
+        none, some = np.full(dofs, np.inf), np.zeros((3, dofs))
+        return cls(-none, none, *some)
+
 
 def sums(problem: Problem, phases: Phases, one: tuple[Part, ...], contact: int = 0) -> Sums:
     """Sum up the parts of one solution, of which one is its contact phase; -1: none."""
     dofs = problem.output_dofs
     wanted = dofs if {"extremes", "waveform"} & problem.outputs else dofs[:0]
-    total = Sums(
-        np.full(wanted.size, -np.inf), np.full(wanted.size, np.inf), np.zeros(wanted.size),
-        np.zeros(wanted.size), np.zeros(wanted.size),
-    )  # fmt: skip
+    total = Sums.nothing(wanted.size)
     for place, part in enumerate(one):
         look()
         if wanted.size:
-            _extremes(part, wanted, total)
+            add_extremes(part, wanted, total)
         if "energy" in problem.outputs:
-            _energies(phases, part, total)
+            add_energies(phases, part, total)
         if place == contact:
-            _forces(phases, part, total)
+            set_forces(phases.stop, phases.scale, part, total)
     return total
 
 
@@ -259,7 +263,8 @@ def forms_of(side: Side, dofs: Integers) -> tuple[Floats, Floats]:
     return side.basis.displacement(shapes).reshape(len(shapes), -1), still
 
 
-def _extremes(part: Part, dofs: Integers, total: Sums) -> None:
+def add_extremes(part: Part, dofs: Integers, total: Sums) -> None:
+    """Add the extremes and the mean squares of displacements along a part."""
     form, still = forms_of(part.side, dofs)
     nodes = part.nodes(form)
     x = part.states(nodes.times) @ form.T + still
@@ -319,7 +324,7 @@ def peaks(part: Part, form: Floats, level: Floats, times: Floats, seen: Floats) 
     return np.asarray(best)
 
 
-def _energies(phases: Phases, part: Part, total: Sums) -> None:
+def add_energies(phases: Phases | Scenes, part: Part, total: Sums) -> None:
     """Add the work of the load and what damping of the structure dissipates."""
     side, stopped = part.side, phases.stopped
     free = stopped.placed(()).basis.modes
@@ -343,15 +348,15 @@ def _energies(phases: Phases, part: Part, total: Sums) -> None:
         total.loss_error += float(weights @ each)
 
 
-def _forces(phases: Phases, part: Part, total: Sums) -> None:
-    """Sum up the contact phase."""
-    side, k = part.side, phases.stiffness
-    a = phases.impact.constraint
-    sign = float(phases.impact.side)
+def set_forces(stop: Stop, scale: float, part: Part, total: Sums) -> None:
+    """Sum up the force of a stop along a part, whose side has the form of this force."""
+    side, k = part.side, stop.stiffness
+    a = stop.impact.constraint
+    sign = float(stop.impact.side)
     dent = (sign * side.position[a])[np.newaxis]
     level = np.array([side.force_level / k if k > 0.0 else 0.0])
     if k == 0.0:
-        level = np.array([sign * side.level[a] - phases.wall])
+        level = np.array([sign * side.level[a] - stop.wall])
     both = np.concatenate([side.force[np.newaxis], dent])
     levels = np.append(side.force_level, level)
     speed = sign * side.velocity[a]
@@ -359,16 +364,16 @@ def _forces(phases: Phases, part: Part, total: Sums) -> None:
     errors = part.error_of(both) + _ROUNDED * EPS * np.array([side.force_size, np.abs(level)[0]])
     steady_error = float(errors[0])
     nodes = part.nodes(np.concatenate([both, speed[np.newaxis]]))
-    z, weights = part.states(nodes.times), nodes.weights / phases.scale
+    z, weights = part.states(nodes.times), nodes.weights / scale
     seen, ripple = z @ both.T + levels, part.ripple(both, nodes)
     best = peaks(part, both, levels, nodes.times, seen)
     if nodes.left.size:
         errors = np.maximum(errors, (seen - best + 2.0 * ripple).max(axis=0))
     total.peak_force, total.indentation = (float(value) for value in best)
     total.impulse = float(weights @ seen[:, 0])
-    v, own = phases.scale * (z @ speed), part.ripple(speed[np.newaxis], nodes)[:, 0]
+    v, own = scale * (z @ speed), part.ripple(speed[np.newaxis], nodes)[:, 0]
     total.rubbed = float(weights @ v**2)
-    off = phases.scale * (rate_error + own)
+    off = scale * (rate_error + own)
     total.rubbed_error = float(weights @ ((2.0 * np.abs(v) + off) * off))
     total.force_error, total.indentation_error = (float(e) for e in errors)
-    total.impulse_error = steady_error * part.length / phases.scale + float(weights @ ripple[:, 0])
+    total.impulse_error = steady_error * part.length / scale + float(weights @ ripple[:, 0])

@@ -15,8 +15,9 @@ from vibroimpact_solvers.periodic_motions.stops.along import Part, Sums, forms_o
 from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.multipliers import multipliers
-from vibroimpact_solvers.periodic_motions.stops.phases import Phases
+from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Stop
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
+from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Result
@@ -34,9 +35,9 @@ def of_linear(problem: Problem, response: Linear) -> Columns:
     phases, cells = response.phases, response.cells
     count = cells.Omega.size
     held = response.held
-    columns = _solutions(problem, np.arange(count), held)
+    columns = begun(problem, np.arange(count), contacts=held)
     if "exists" in problem.outputs:
-        columns |= _verdicts(response.verdicts(problem))
+        columns |= of_verdicts(response.verdicts())
     if {"stability", "multipliers"} & problem.outputs:
         columns |= multiplier_columns(problem, *response.multipliers())
     totals: list[Sums | None] = []
@@ -44,31 +45,34 @@ def of_linear(problem: Problem, response: Linear) -> Columns:
         bounded = not response.unbounded[f]
         one = (response.part(f),) if bounded else ()
         totals.append(sums(problem, phases, one, 0 if held else -1) if bounded else None)
-    rows = [_contact_of_held(phases, cells, f, totals[f]) for f in range(count if held else 0)]
-    columns |= _along(problem, phases, cells.length, totals, mirrored=False)
+    rows = [
+        held_row(phases.stop, float(cells.length[f]), phases.scale, totals[f])
+        for f in range(count if held else 0)
+    ]
+    columns |= along_columns(problem, cells.length, totals, mirrored=False)
     if "energy" in problem.outputs:
         for f, total in enumerate(totals):
             if total is not None:
-                _set_energy(columns, f, phases, response.part(f))
+                set_energy(columns, f, phases, response.part(f))
                 if held:
-                    _add_contact_loss(columns, f, rows[f])
+                    add_contact_loss(columns, f, rows[f])
     if "waveform" in problem.outputs:
-        _set_waveforms(problem, columns, [
+        set_waveforms(problem, columns, [
             (0.0, (response.part(f),)) if totals[f] is not None else None for f in range(count)
         ], mirrored=False)  # fmt: skip
-    columns |= _contacts(rows, np.arange(len(rows)))
+    columns |= of_contacts(rows, np.arange(len(rows)))
     return columns
 
 
 def of(problem: Problem, phases: Phases, cells: Cells, solved: Solutions) -> Columns:
     """Return the columns of motions with one contact phase per cell."""
     count = solved.index.size
-    columns = _solutions(problem, solved.index, True)
+    columns = begun(problem, solved.index, contacts=True)
     twice = problem.symmetric
     if twice:
         columns["solution_contacts"] *= 2
     if "exists" in problem.outputs:
-        columns |= _verdicts(verdicts(problem, phases, cells, solved))
+        columns |= of_verdicts(verdicts(problem, phases, cells, solved))
     if {"stability", "multipliers"} & problem.outputs:
         columns |= multiplier_columns(problem, *multipliers(phases, cells, solved))
     every = [parts(phases, cells, solved, k) for k in range(count)]
@@ -81,21 +85,21 @@ def of(problem: Problem, phases: Phases, cells: Cells, solved: Solutions) -> Col
     if problem.tolerance is not None:
         within = [row["error_impulse"] <= problem.tolerance * row["impulse"] for row in rows]
         columns["solution_within_tolerance"] = np.array(within, dtype=bool)
-    columns |= _along(problem, phases, cells.length[solved.index], totals, mirrored=twice)
+    columns |= along_columns(problem, cells.length[solved.index], totals, mirrored=twice)
     if "energy" in problem.outputs:
         for k in range(count):
-            _set_energy(columns, k, phases, Part.at_entry(phases, cells, solved, k))
-            _add_contact_loss(columns, k, rows[k], 2.0 if twice else 1.0)
+            set_energy(columns, k, phases, Part.at_entry(phases, cells, solved, k))
+            add_contact_loss(columns, k, rows[k], 2.0 if twice else 1.0)
     if "waveform" in problem.outputs:
         starts = solved.phase / cells.Omega[solved.index]
-        _set_waveforms(
+        set_waveforms(
             problem, columns, list(zip(starts.tolist(), every, strict=True)), mirrored=twice
         )
     owner = np.arange(count)
     if twice:
         rows = [row for each in rows for row in (each, _mirrored(problem, phases, cells, each))]
         owner = np.repeat(owner, 2)
-    columns |= _contacts(rows, owner)
+    columns |= of_contacts(rows, owner)
     return columns
 
 
@@ -113,7 +117,8 @@ _WHOLE = ("impact_solution", "impact_constraint", "impact_side")
 # -- solutions --
 
 
-def _solutions(problem: Problem, index: Integers, contacts: bool) -> Columns:
+def begun(problem: Problem, index: Integers, *, contacts: bool) -> Columns:
+    """Return the first columns of solutions at frequencies of these indices."""
     count = index.size
     columns: Columns = {
         "solution_frequency_index": index,
@@ -126,7 +131,8 @@ def _solutions(problem: Problem, index: Integers, contacts: bool) -> Columns:
     return columns
 
 
-def _verdicts(decided: Verdicts) -> Columns:
+def of_verdicts(decided: Verdicts) -> Columns:
+    """Return the columns of which solutions are motions."""
     return {
         "solution_exists": decided.reason == Reason.OK,
         "solution_reason": decided.reason,
@@ -136,8 +142,8 @@ def _verdicts(decided: Verdicts) -> Columns:
     }
 
 
-def _along(
-    problem: Problem, phases: Phases, lengths: Floats, totals: list[Sums | None], *, mirrored: bool
+def along_columns(
+    problem: Problem, lengths: Floats, totals: list[Sums | None], *, mirrored: bool
 ) -> Columns:
     """Return the columns of what is summed up along solutions."""
     count, dofs = len(totals), problem.output_dofs.size
@@ -175,7 +181,7 @@ def _along(
     return columns
 
 
-def _set_energy(columns: Columns, k: int, phases: Phases, part: Part) -> None:
+def set_energy(columns: Columns, k: int, phases: Phases | Scenes, part: Part) -> None:
     """Enter the energy at the beginning of a part, from the open structure's equilibrium."""
     side, scale = part.side, phases.scale
     free = phases.open.basis
@@ -194,7 +200,7 @@ def _set_energy(columns: Columns, k: int, phases: Phases, part: Part) -> None:
     columns["error_energy"][k] = float(error) + 16.0 * EPS * sizes
 
 
-def _add_contact_loss(columns: Columns, k: int, row: Columns, times: float = 1.0) -> None:
+def add_contact_loss(columns: Columns, k: int, row: Columns, times: float = 1.0) -> None:
     """Add what the contact loses, and let work and loss tell how far the other may be off."""
     columns["solution_energy_lost"][k] += times * row["energy_lost"]
     lost_error = columns["error_energy_lost"][k] + times * row["error_energy_lost"]
@@ -204,7 +210,7 @@ def _add_contact_loss(columns: Columns, k: int, row: Columns, times: float = 1.0
     columns["error_work"][k] = min(work_error, apart + lost_error)
 
 
-def _set_waveforms(
+def set_waveforms(
     problem: Problem, columns: Columns, motions: list[tuple[float, tuple[Part, ...]] | None], *,
     mirrored: bool,
 ) -> None:  # fmt: skip
@@ -281,16 +287,15 @@ def _contact(
     }  # fmt: skip
 
 
-def _contact_of_held(phases: Phases, cells: Cells, f: int, total: Sums | None) -> Columns:
-    """Return the row of a stop that is loaded throughout."""
-    a, side, T = phases.impact.constraint, phases.impact.side, float(cells.length[f])
+def held_row(stop: Stop, length: float, scale: float, total: Sums | None) -> Columns:
+    """Return the row of a stop that is loaded throughout a period, by the basis' time."""
+    T, c = length / scale, stop.damping / scale
     row: Columns = dict.fromkeys(_CONTACT, math.nan)
     row |= {f"error_{name}": math.inf for name in _CONTACT}
-    row |= {"constraint": a, "side": side}
-    row |= {"duration": T / phases.scale, "error_duration": 2.0 * EPS * T / phases.scale}
+    row |= {"constraint": stop.impact.constraint, "side": stop.impact.side}
+    row |= {"duration": T, "error_duration": 2.0 * EPS * T}
     row |= {"phase": 0.0, "time": 0.0, "error_phase": 0.0, "error_time": 0.0}
     if total is not None:
-        c = phases.damping / phases.scale
         row |= {
             "impulse": total.impulse, "peak_force": total.peak_force,
             "indentation": total.indentation, "energy_lost": c * total.rubbed,
@@ -312,7 +317,7 @@ def _mirrored(problem: Problem, phases: Phases, cells: Cells, row: Columns) -> C
     }  # fmt: skip
 
 
-def _contacts(rows: list[Columns], owner: Integers) -> Columns:
+def of_contacts(rows: list[Columns], owner: Integers) -> Columns:
     """Return the table of contact phases."""
     table: Columns = {"contact_solution": owner.astype(np.int64)}
     for name in ("constraint", "side"):

@@ -33,6 +33,7 @@ from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import prescribed
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
+from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 from vibroimpact_solvers.results.impact_modes import Reason
 
@@ -40,6 +41,15 @@ _PARTS: Final = 24  # of a turn of the fastest pair, in which the wall is looked
 _NODES: Final = 4000  # at most
 _HALVINGS: Final = 80
 _NONE: Final = -1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Forces:
+    """Forms of forces, (force, 2 pair), their values at the zero of states, and sizes of these."""
+
+    forms: Floats
+    levels: Floats
+    sizes: Floats
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -57,13 +67,15 @@ class Leg:
         Of the drive at its beginning.
     since, length : array, shape (solution,)
         When it begins after the contact phase does, and how long it lasts.
-    walls : array, shape (2, constraint + 1)
-        Of all coordinates, and of the force.
+    walls : array, shape (2, constraint + force)
+        Of all coordinates, and of the forces.
     first, last : array of int, shape (solution,)
         What is at a wall at the beginning and at the end: a constraint, the number of constraints
-        for the force, or -1.
+        for the first force, and so on, or -1.
     first_side, last_side : int
         Which of the walls.
+    forces : Forces, optional
+        Those that are watched; absent: the one of the side.
     """
 
     side: Side
@@ -78,6 +90,7 @@ class Leg:
     last: Integers
     first_side: int
     last_side: Integers
+    forces: Forces | None = None
 
 
 def verdicts(problem: Problem, phases: Phases, cells: Cells, solved: Solutions) -> Verdicts:
@@ -92,7 +105,7 @@ def verdicts(problem: Problem, phases: Phases, cells: Cells, solved: Solutions) 
     for leg, rows in legs(problem, phases, cells, solved):
         if not rows.size:
             continue
-        decided = check(phases, cells, solved.index[rows], leg)
+        decided = check(phases.harmonics, cells.Omega[solved.index[rows]], leg)
         kind, which = decided["kind"], decided["constraint"]
         certified[rows] &= (kind == KEPT) | (kind == PASSED)
         fails = (kind >= BEYOND) & (worst[rows] < BEYOND)
@@ -115,7 +128,7 @@ def legs(
     a, high = phases.impact.constraint, phases.impact.side > 0
     count, force = solved.index.size, phases.open.level.size
     own, other = (UPPER, LOWER) if high else (LOWER, UPPER)
-    walls = walls_of(problem, phases, mirrored=problem.symmetric)
+    walls = walls_of(phases, mirrored=problem.symmetric)
     every, Omega = np.arange(count), cells.Omega[solved.index]
     damped = phases.damping > 0.0
     pushing = walls.copy()
@@ -161,12 +174,12 @@ def legs(
     return every_leg
 
 
-def walls_of(problem: Problem, phases: Phases, *, mirrored: bool) -> Floats:
-    """Return the walls of all coordinates, and of a force that has none, (2, constraint + 1)."""
+def walls_of(phases: Phases | Scenes, *, mirrored: bool, forces: int = 1) -> Floats:
+    """Return walls of all coordinates, and of forces, which have none, (2, constraint + force)."""
     lower, upper = phases.stopped.walls
-    walls = np.full((2, lower.size + 1), math.inf)
+    walls = np.full((2, lower.size + forces), math.inf)
     walls[LOWER] *= -1.0
-    walls[LOWER, :-1], walls[UPPER, :-1] = -lower, upper
+    walls[LOWER, : lower.size], walls[UPPER, : lower.size] = -lower, upper
     if mirrored:  # the mirrored half keeps the mirrored limits
         upper = np.minimum(walls[UPPER], -walls[LOWER])
         walls = np.ascontiguousarray([-upper, upper])
@@ -176,29 +189,34 @@ def walls_of(problem: Problem, phases: Phases, *, mirrored: bool) -> Floats:
     return walls
 
 
-def check(phases: Phases, cells: Cells, index: Integers, leg: Leg) -> NDArray[np.void]:
-    """Return the verdicts of parts of solutions, of `limit_check.VERDICT`."""
-    side, n = leg.side, leg.side.size
-    flat = np.concatenate([side.position, side.force[np.newaxis]])
+def check(harmonics: Floats, Omega: Floats, leg: Leg) -> NDArray[np.void]:
+    """Return the verdicts of parts of solutions, of `limit_check.VERDICT`.
+
+    Omega has a frequency for each part.
+    """
+    side, n, forces = leg.side, leg.side.size, leg.forces
+    if forces is None:
+        numbers = np.array([side.force_level]), np.array([side.force_size])
+        forces = Forces(side.force[np.newaxis], *numbers)
+    flat = np.concatenate([side.position, forces.forms])
     forms = np.ascontiguousarray(flat.reshape(len(flat), 2, n))
     rates = side.basis.rates_of(forms)
-    level = np.append(side.level, side.force_level)
+    level = np.append(side.level, forces.levels)
     watched = Coordinates(
         forms, rates, side.basis.rates_of(rates), side.pairs.third_derivatives(forms),
         np.maximum(side.growth, 0.0), level, leg.walls, np.zeros((2, level.size)),
     )  # fmt: skip
-    harmonics = phases.harmonics
     turned = np.exp(1j * leg.phase[:, np.newaxis] * harmonics)
     amplitude = np.einsum("mhi,ci->mch", leg.steady, flat) * turned[:, np.newaxis]
     lengths = np.hypot(flat[:, :n], flat[:, n:])
     error = leg.error @ lengths.T
     shapes = side.shape_error + 8.0 * EPS
     error += shapes * (np.abs(amplitude).sum(axis=-1) + np.abs(leg.state) @ np.abs(flat).T)
-    error += 8.0 * EPS * np.append(np.abs(side.level), side.force_size)
+    error += 8.0 * EPS * np.append(np.abs(side.level), forces.sizes)
     count = leg.length.size
     motions = FreeMotions(
         np.ascontiguousarray(leg.state.reshape(count, 2, n)), np.ascontiguousarray(leg.length),
-        np.ascontiguousarray(cells.Omega[index, np.newaxis] * harmonics),
+        np.ascontiguousarray(Omega[:, np.newaxis] * harmonics),
         np.ascontiguousarray(amplitude.real), np.ascontiguousarray(amplitude.imag),
         leg.first, leg.last, np.full(count, leg.first_side), leg.last_side,
         np.ascontiguousarray(error),

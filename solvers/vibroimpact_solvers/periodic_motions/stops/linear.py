@@ -11,7 +11,6 @@ from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.limit_check import BEYOND, KEPT, LOWER, PASSED, UPPER
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops.along import Part
 from vibroimpact_solvers.periodic_motions.stops.existence import Leg, check, walls_of
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
@@ -63,11 +62,11 @@ class Linear:
             float(self.cells.length[f]), error,
         )  # fmt: skip
 
-    def verdicts(self, problem: Problem) -> Verdicts:
+    def verdicts(self) -> Verdicts:
         """Decide at which frequencies it is a motion."""
         phases, count = self.phases, self.cells.Omega.size
         a, force = phases.impact.constraint, phases.open.level.size
-        walls, none = walls_of(problem, phases, mirrored=False), np.full(count, -1)
+        walls, none = walls_of(phases, mirrored=False), np.full(count, -1)
         if self.held:
             own = UPPER if phases.impact.side > 0 else LOWER
             walls[own, a] = math.inf if own == UPPER else -math.inf
@@ -80,7 +79,7 @@ class Linear:
             np.zeros(count), np.zeros(count), self.cells.length, walls, none, none, LOWER,
             np.zeros(count, dtype=np.int64),
         )  # fmt: skip
-        decided = check(phases, self.cells, np.arange(count), leg)
+        decided = check(phases.harmonics, self.cells.Omega, leg)
         kind, which = decided["kind"], decided["constraint"]
         fails = (kind >= BEYOND) & good
         reason: Integers = np.full(count, int(Reason.OK))

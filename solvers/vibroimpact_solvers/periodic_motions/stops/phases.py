@@ -86,6 +86,27 @@ class Side:
         return self.basis.coordinates(flat.reshape(*flat.shape[:-1], 2, self.size))
 
 
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A stop of finite stiffness at one of its walls.
+
+    Parameters
+    ----------
+    impact : Impact
+        The constraint and the side.
+    stiffness : float
+    damping : float
+        Force per velocity, by the basis' time.
+    wall : float
+        Distance of the wall from the zero of the coordinate.
+    """
+
+    impact: Impact
+    stiffness: float
+    damping: float
+    wall: float
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Phases:
     """A structure with one stop of finite stiffness, open and loaded.
@@ -132,6 +153,11 @@ class Phases:
         """Units of the basis' time in one of time."""
         return self.stopped.scale
 
+    @property
+    def stop(self) -> Stop:
+        """The stop by itself."""
+        return Stop(self.impact, self.stiffness, self.damping, self.wall)
+
     @classmethod
     def of(cls, problem: Problem, method: spectrum.Method) -> Phases:
         """Prepare the structure of a problem with one contact in a cell.
@@ -149,17 +175,11 @@ class Phases:
         some = forces.any(axis=1)
         harmonics, powers, forces = harmonics[some], powers[some], forces[some]
         placed = stopped.placed(()), stopped.placed(side)
-        modes = placed[0].basis.modes
-        if np.where(modes.roots == 0.0, modes.load, 0.0).any():
-            message = (
-                "motions with linear stops are computed of structures that bear their constant "
-                "load; this one moves a rigid body"
-            )
-            raise ModelError(("system", "force"), message, code="free_body")
-        open_side = _side(stopped, placed[0], impact, forces, loaded=False)
-        loaded = _side(stopped, placed[1], impact, forces, loaded=True)
-        to_loaded, offset = _passage(placed[0], open_side, placed[1], loaded)
-        to_open, _ = _passage(placed[1], loaded, placed[0], open_side)
+        check_borne(stopped)
+        open_side = side_of(stopped, placed[0], impact, forces, loaded=False)
+        loaded = side_of(stopped, placed[1], impact, forces, loaded=True)
+        to_loaded, offset = passage_of(placed[0], open_side, placed[1], loaded)
+        to_open, _ = passage_of(placed[1], loaded, placed[0], open_side)
         a = impact.constraint
         return cls(
             stopped, impact, float(stopped.stiffness[a]),
@@ -169,7 +189,18 @@ class Phases:
         )  # fmt: skip
 
 
-def _side(
+def check_borne(stopped: StoppedModes) -> None:
+    """Refuse a constant load that moves a free body."""
+    modes = stopped.placed(()).basis.modes
+    if np.where(modes.roots == 0.0, modes.load, 0.0).any():
+        message = (
+            "periodic motions with linear stops are computed of structures that bear their "
+            "constant load; this one moves a rigid body"
+        )
+        raise ModelError(("system", "force"), message, code="free_body")
+
+
+def side_of(
     stopped: StoppedModes, placed: Placed, impact: Impact, forces: Complexes, *, loaded: bool
 ) -> Side:
     """Return the structure in one state of its stop."""
@@ -199,7 +230,7 @@ def _side(
     )  # fmt: skip
 
 
-def _passage(before: Placed, one: Side, after: Placed, other: Side) -> tuple[Floats, Floats]:
+def passage_of(before: Placed, one: Side, after: Placed, other: Side) -> tuple[Floats, Floats]:
     """Return how states carry over: ``matrix z + offset``, displacements being unchanged."""
     turn = after.vectors.T @ before.vectors
     still = turn @ one.basis.still

@@ -15,6 +15,12 @@ from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops.search import WORK
+from vibroimpact_solvers.periodic_motions.stops.sequences import (
+    HISTORIES,
+    OBSERVED,
+    SETTLED,
+    STARTS,
+)
 from vibroimpact_solvers.plan import Stage, Step
 
 _BOX: Final = 0.6  # radians of what turns fastest in half a box, about
@@ -25,14 +31,20 @@ _STEPS: Final = 12.0  # of Newton's method from motions of a reduced structure
 _NODES: Final = 2.0**16  # nodes times modes at most, see `along`
 _ROW: Final = 1e6  # operations of a solution, whatever the structure is
 _TURNS: Final = 1e4  # of what turns fastest, more of which do not count
+_FOUND: Final = 2.0  # solutions that a search finds, about
+_ITERATIONS: Final = 25.0  # of Newton's method from a start, about
+_EVALUATION: Final = 9e5  # operations for each contact, whatever the structure is
+_REPEATED: Final = 6.0  # starts that solutions before and time histories give, about
+_SWITCHING: Final = 5e4  # operations of a contact in a time history
 _ROOTS: Final = 2.0  # solutions at a frequency with contact, about
 _SOLUTION, _CONTACT, _EXTREMES, _MULTIPLIER = 160.0, 170.0, 48.0, 32.0  # bytes
 
 
 class Method(StrEnum):
-    """How the durations of contact phases are found."""
+    """How the contact phases are found."""
 
     ISOLATION = "isolation of durations"
+    SEARCH = "newton in switchings"
 
 
 def steps(problem: Problem) -> Iterator[Step]:
@@ -44,9 +56,40 @@ def steps(problem: Problem) -> Iterator[Step]:
         message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
         raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
+    turns = _turns(problem)
+    contacts, rows = float(len(problem.impacts)), (2.0 + _ROOTS) * count
+    if problem.searched:
+        rows = (1.0 + _FOUND) * count
+        yield _search(problem, rows)
+    else:
+        yield _isolation(problem, turns)
+    yield from _along(problem, rows, contacts, turns)
+
+
+def _search(problem: Problem, rows: float) -> Step:
+    """Return the step that looks for sequences of contacts."""
+    m, n = float(len(problem.impacts)), 2.0 * problem.system.n
+    count, periods = float(problem.Omega.size), float(SETTLED + OBSERVED + problem.periods)
+    each = _ITERATIONS * m * (_EVALUATION + 20.0 * n**3)
+    started = STARTS if problem.phases is None else len(problem.phases)
+    followed = HISTORIES * periods * m * (_SWITCHING + 20.0 * n**2)
+    flops = count * ((started + _REPEATED) * each + followed)
+    what = "one contact" if m == 1.0 else f"{len(problem.impacts)} contacts"
+    why = ", under a load of several harmonics," if m == 1.0 else ""
+    reason = (
+        f"{what} per period{why}: the times of all switchings by Newton's method, from random "
+        f"phases and from {HISTORIES} time histories of {periods:.0f} periods of the drive, which "
+        "may miss a motion"
+    )
+    written = _SOLUTION * rows + _CONTACT * m * rows
+    return Step(Stage.IMPULSE, Method.SEARCH, reason, flops, written, bounded=False)
+
+
+def _isolation(problem: Problem, turns: float) -> Step:
+    """Return the step that finds all durations of one contact."""
+    system, count = problem.system, float(problem.Omega.size)
     modes = float(system.n)
     n = 2.0 * modes
-    turns = _turns(problem)
     boxes = (_FEW + turns / _BOX) * (1.0 + modes**3 / _CUBES)
     starts = 2.0 if system.constraints[problem.impacts[0].constraint].law.lossy else 1.0
     whole = boxes <= WORK
@@ -59,30 +102,35 @@ def steps(problem: Problem) -> Iterator[Step]:
     if not whole:
         reason += "; fast modes make that long, so that some may be missed"
     written = _SOLUTION * rows + _CONTACT * contacts
-    yield Step(Stage.IMPULSE, Method.ISOLATION, reason, flops, written, bounded=False)
-    outputs = problem.outputs
+    return Step(Stage.IMPULSE, Method.ISOLATION, reason, flops, written, bounded=False)
+
+
+def _along(problem: Problem, rows: float, parts: float, turns: float) -> Iterator[Step]:
+    """Yield the steps of what is computed along solutions, of so many contacts each."""
+    system, outputs, count = problem.system, problem.outputs, float(problem.Omega.size)
+    n = 2.0 * system.n
     if "exists" in outputs:
-        reason = "bounds along both phases: no other switching of a stop is missed"
-        flops = rows * n * (_ROW + 100.0 * (20.0 + min(turns, _TURNS)))
-        name = "safe steps of both phases"
+        reason = "bounds along all phases: no other switching of a stop is missed"
+        flops = rows * parts * n * (_ROW + 100.0 * (20.0 + min(turns, _TURNS)))
+        name = "safe steps of all phases"
         yield Step(Stage.EXISTENCE, name, reason, flops, 26.0 * rows, bounded=False)
     dofs = float(problem.output_dofs.size)
     if {"extremes", "energy"} & outputs:
-        reason = "quadrature over both phases, exact to rounding"
-        nodes = min(100.0 + 6.0 * turns, 500.0 + _NODES / modes)
+        reason = "quadrature over all phases, exact to rounding"
+        nodes = min(100.0 * parts + 6.0 * turns, (500.0 + _NODES / system.n) * parts)
         wide = dofs * ("extremes" in outputs) + float(system.n) * ("energy" in outputs)
-        flops = rows * (_ROW + nodes * (1e3 + 8.0 * wide * n))
+        flops = rows * (_ROW * parts + nodes * (1e3 + 8.0 * wide * n))
         size = rows * (_EXTREMES * dofs + 48.0)
-        yield Step(Stage.ENERGY, "quadrature of both phases", reason, flops, size, bounded=False)
+        yield Step(Stage.ENERGY, "quadrature of all phases", reason, flops, size, bounded=False)
     if "waveform" in outputs:
         assert problem.tau is not None
         flops = rows * problem.tau.size * n * (30.0 + 2.0 * dofs)
         size = 8.0 * rows * (problem.tau.size + 1.0) * dofs
         yield Step(Stage.WAVEFORM, "superposition", "as requested", flops, size, bounded=False)
     if {"stability", "multipliers"} & outputs:
-        reason = "eigenvalues of the product of both flows and of the jump of the force"
+        reason = "eigenvalues of the product of all flows and of the jumps of forces"
         size = rows * (24.0 + _MULTIPLIER * n * ("multipliers" in outputs))
-        flops = _ROOTS * count * (_ROW + 30.0 * n**3)
+        flops = _ROOTS * count * parts * (_ROW + 30.0 * n**3)
         yield Step(Stage.STABILITY, "monodromy", reason, flops, size, bounded=False)
 
 

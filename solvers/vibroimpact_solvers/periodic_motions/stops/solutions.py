@@ -275,13 +275,13 @@ def apart(cells: Cells, solved: Solutions) -> Solutions:
 # -- errors --
 
 
-def _lengths(side: Side, squares: Floats) -> Floats:
+def pair_squares(side: Side, squares: Floats) -> Floats:
     """Return squared errors of both numbers of pairs, which turn into each other."""
     both = squares.reshape(*squares.shape[:-1], 2, side.size).max(axis=-2)
     return np.concatenate([both, both], axis=-1)
 
 
-def _moved(side: Side, times: Floats, z: Floats, squares: Floats) -> Floats:
+def squares_after(side: Side, times: Floats, z: Floats, squares: Floats) -> Floats:
     """Return squared errors of states (motion, 2 pair) after a flow, from those before."""
     grows = np.exp(np.clip(side.growth * times[:, np.newaxis], -300.0, 300.0))
     grows[:, side.pairs.parabolas] *= 1.0 + times[:, np.newaxis]
@@ -290,7 +290,7 @@ def _moved(side: Side, times: Floats, z: Floats, squares: Floats) -> Floats:
     own = grows * size * (side.pairs.drift * times[:, np.newaxis] + _ROUNDED * EPS)
     grown = grows**2
     both = np.concatenate([own, own], axis=1) ** 2
-    return np.asarray(np.concatenate([grown, grown], axis=1) * _lengths(side, squares) + both)
+    return np.asarray(np.concatenate([grown, grown], axis=1) * pair_squares(side, squares) + both)
 
 
 def _errors(
@@ -310,10 +310,10 @@ def _errors(
     steady2 = np.abs(cells.opened[index]).sum(axis=1) ** 2 @ to2.T
     steady2 += np.abs(cells.loaded[index]).sum(axis=1) ** 2
     entered = shapes * (v.a**2 @ to2.T + phases.offset**2 + jump**2 + steady2)
-    ended = _moved(loaded, d, v.b, entered) + shapes * (last**2 + jump**2 + steady2)
+    ended = squares_after(loaded, d, v.b, entered) + shapes * (last**2 + jump**2 + steady2)
     back = (ended + shapes * (last**2 + phases.offset**2 + jump**2)) @ open2.T
     back += shapes * left**2
-    again = _moved(opened, rest, left, back)
+    again = squares_after(opened, rest, left, back)
     live = v.motions.live
     a2 = np.zeros_like(again)
     a2[:, live] = np.einsum("mij,mj->mi", v.motions.inverse**2, again[:, live])
@@ -323,7 +323,7 @@ def _errors(
     start2 = a2 @ start.form**2 + shapes * (steady**2 + v.a**2 @ start.form**2)
     start2 += (4.0 * EPS * (still + abs(start.level))) ** 2
     b2 = a2 @ to2.T + entered
-    ended = _moved(loaded, d, v.b, b2)
+    ended = squares_after(loaded, d, v.b, b2)
     push = np.abs(cells.loaded[index] @ loaded.force).sum(axis=1)
     force2 = ended @ loaded.force**2 + shapes * (push**2 + last**2 @ loaded.force**2)
     force2 += (4.0 * EPS * loaded.force_size) ** 2
@@ -333,11 +333,11 @@ def _errors(
     turning = np.einsum("mhi,mh->mi", v.motions.a[:, 1:], 1j * phases.harmonics * v.turned).real
     a2[:, live] += (turning * phase[:, np.newaxis]) ** 2
     b2 = a2 @ to2.T + entered
-    back = (_moved(loaded, d, v.b, b2) + shapes * last**2) @ open2.T + shapes * left**2
+    back = (squares_after(loaded, d, v.b, b2) + shapes * last**2) @ open2.T + shapes * left**2
     n = opened.size
 
     def of(squares: Floats, side: Side) -> Floats:
-        return np.asarray(_SAMPLED * np.sqrt(_lengths(side, squares)[:, : side.size]))
+        return np.asarray(_SAMPLED * np.sqrt(pair_squares(side, squares)[:, : side.size]))
 
     assert n == opened.size
     return _SAMPLED * phase, _SAMPLED * duration, of(b2, loaded), of(back, opened)

@@ -28,7 +28,10 @@ _STATEMENT: Final = (
     "polynomials whose remainder is bounded"
 )
 _SIZES: Final = 8  # kinds of arrays that are kept for other motions
-_COLUMNS: Final = ("start", "stop", "impulse", "peak_force", "indentation", "energy_lost")
+_COLUMNS: Final = (
+    "start", "stop", "velocity", "impulse", "peak_force", "indentation", "energy_lost",
+)  # fmt: skip
+_AT_START: Final = ("start", "velocity")  # what the end of a contact does not change
 
 
 class StoppedMotions:
@@ -102,7 +105,7 @@ class StoppedMotions:
         if self._problem.estimate:
             ends = table["contact_stop"]
             for name in _COLUMNS:
-                at = table["contact_start"] if name == "start" else ends
+                at = table["contact_start"] if name in _AT_START else ends
                 table[f"error_contact_{name}"] = masked(at, rows[f"error_{name}"].copy(), known)
             table["error_contact_rest"] = table["error_contact_start"].copy()
         return table
