@@ -1,4 +1,4 @@
-"""Requests of computations, one for each kind, and of jobs."""
+"""Requests of computations, one for each kind; those of slow flows are in `slow_flows`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from vibroimpact_schema.grids import (
     FrequencyBand,
     FrequencyGrid,
     FrequencyUnit,
-    TimeGrid,
     Times,
     frequency_unit,
 )
@@ -26,8 +25,6 @@ from vibroimpact_schema.motions import (
 )
 from vibroimpact_schema.systems import AnySystem, System
 from vibroimpact_schema.values import Count, Document, Index, Indices, Number, Numbers, Positive
-
-Priority = Annotated[int, Field(strict=True, ge=-10, le=10)]
 
 
 class ComputationRequest(Document):
@@ -400,129 +397,3 @@ class AttractorsRequest(ComputationRequest):
         "section: points of a Poincaré section of each attractor; "
         "stability: periodic attractors confirmed by Newton's method, with their multipliers.",
     )
-
-
-SlowFlowModel = Literal["damped", "two_oscillator", "restitution", "bouncing_ball", "oscillator"]
-SlowFlowVariant = Literal[
-    "exact",
-    "transformed",
-    "averaged",
-    "truncated",
-    "leading",
-    "soft_wall",
-    "corrected",
-    "second_order",
-    "printed",
-    "high_energy",
-    "high_energy_printed",
-    "grazing",
-    "grazing_printed",
-    "nstt",
-    "nsct",
-    "family",
-]
-SlowFlowOutput = Literal["state", "x", "v", "impulse", "error"]
-
-
-class SlowFlowInitial(Document):
-    """Initial state of a slow flow, at t = 0; each model uses some of the fields."""
-
-    gamma: Positive | None = Field(
-        None,
-        description="Frequency ratio Omega0/omega (lambda of eq. 10.110); damped, "
-        "two_oscillator, restitution, oscillator.",
-    )
-    phi: Number | None = Field(
-        None,
-        description="Phase of the triangle wave, absent: 0; damped, two_oscillator, oscillator.",
-    )
-    A: Number | None = Field(
-        None, description="Sine amplitude of the second mass, absent: 0; two_oscillator."
-    )
-    B: Number | None = Field(
-        None, description="Cosine amplitude of the second mass, absent: 0; two_oscillator."
-    )
-    omega: Positive | None = Field(
-        None, description="Triangle-wave frequency in place of gamma; restitution."
-    )
-    energy: Positive | None = Field(
-        None, description="Total energy in place of gamma (eq. 10.10); oscillator."
-    )
-    root: Index | None = Field(
-        None,
-        description="Index of gamma among those of that energy, ascending, absent: 0; oscillator.",
-    )
-    x: Number | None = Field(
-        None,
-        description="Displacement, with v in place of omega: restitution; height of release: "
-        "bouncing_ball.",
-    )
-    v: Number | None = Field(None, description="Velocity; restitution.")
-
-
-class SlowFlowRequest(ComputationRequest):
-    """Slow flow: a motion with impacts whose amplitude or frequency changes slowly.
-
-    Each model has its system: `damped`: an oscillator with viscous damping
-    between elastic walls; `two_oscillator`: the same with a second mass coupled to it;
-    `restitution`: an oscillator between lossy walls; `bouncing_ball`: a mass under a constant
-    load over a lossy floor; `oscillator`: an undamped one between elastic walls, or below one.
-    """
-
-    model: SlowFlowModel
-    variant: SlowFlowVariant = Field(
-        description="Description of the motion: exact, of every model; "
-        "transformed, averaged, truncated, leading of damped; "
-        "transformed, averaged, truncated, soft_wall of two_oscillator; "
-        "corrected, second_order, printed, high_energy, grazing and the last two as printed, of "
-        "restitution; nstt and nsct of bouncing_ball; family of oscillator."
-    )
-    initial: SlowFlowInitial
-    t: TimeGrid
-    outputs: Annotated[list[SlowFlowOutput], Field(min_length=1, fail_fast=True)] = Field(
-        ["state", "x", "v", "error"],
-        description="Outputs; only these are computed. "
-        "state: gamma, omega, phi, A, B as far as the model has them [time]; "
-        "x, v: displacement and velocity [time, dof] (length, length / time); "
-        "impulse: the impulse parameter p (mass length / time²) and the momentum exchanged at an "
-        "impact, 2 p/omega (mass length / time) [time]; "
-        "error: differences from the exact motion, and its impacts.",
-    )
-
-
-class Webhook(Document):
-    """A server to which a message is sent when a job ends, signed by Standard Webhooks."""
-
-    url: Annotated[str, Field(max_length=2000, pattern="^https://[!-~]+$")] = Field(
-        description="Address; https, and not in a private network.",
-        examples=["https://example.org/hooks/vibroimpact"],
-    )
-    secret: Annotated[str, Field(pattern="^whsec_[A-Za-z0-9+/]{32,88}={0,2}$")] = Field(
-        description="Signs the message: whsec_ and 24 to 64 bytes in base64.",
-        examples=["whsec_" + "MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"],
-    )
-
-
-class BatchRequest(Document):
-    """Many small computations of one kind, answered at once and not stored."""
-
-    kind: Annotated[str, Field(max_length=40)] = Field(
-        description="Kind of computation.", examples=["impact-modes"]
-    )
-    requests: list[dict[str, Any]] = Field(
-        min_length=1, description="The requests, each as POST /v1/compute/{kind} takes it."
-    )
-
-
-class JobRequest(Document):
-    """A computation to be done as a job."""
-
-    kind: Annotated[str, Field(max_length=40)] = Field(
-        description="Kind of computation.", examples=["impact-modes"]
-    )
-    request: dict[str, Any] = Field(description="The request, as POST /v1/compute/{kind} takes it.")
-    priority: Priority = Field(0, description="Higher runs first among the jobs of one owner.")
-    deadline_seconds: Annotated[float, Field(strict=True, gt=0, le=3.2e7)] | None = Field(
-        None, description="The job fails if it is not done this many seconds after the request."
-    )
-    webhook: Webhook | None = Field(None, description="Receives a message when the job ends.")

@@ -16,7 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from vibroimpact_schema import grids, requests
+from vibroimpact_schema import grids, requests, slow_flows
 from vibroimpact_schema.requests import ComputationRequest
 from vibroimpact_schema.results import Result
 from vibroimpact_schema.systems import AnySystem, SystemReference
@@ -211,7 +211,7 @@ class TimeHistorySweep(SweepOf[requests.TimeHistoryRequest, requests.TimeHistory
     kind: Literal["time-history"]
 
 
-class SlowFlowSweep(SweepOf[requests.SlowFlowRequest, requests.SlowFlowOutput]):
+class SlowFlowSweep(SweepOf[slow_flows.SlowFlowRequest, slow_flows.SlowFlowOutput]):
     """Slow flows over a parameter grid."""
 
     kind: Literal["slow-flow"]

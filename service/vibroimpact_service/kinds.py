@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from vibroimpact_schema import branches as branch_requests
-from vibroimpact_schema import requests, results, sweeps
+from vibroimpact_schema import requests, results, slow_flows, sweeps
 from vibroimpact_service import problems
 from vibroimpact_service.result_documents import document
 from vibroimpact_solvers.results import (
@@ -191,7 +191,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind(
             "slow-flow",
             "Slow flows",
-            requests.SlowFlowRequest,
+            slow_flows.SlowFlowRequest,
             document("slow-flow", slow_flow.Result),
             extent="t",
         ),

@@ -19,9 +19,9 @@ from vibroimpact_schema.requests import (
     ExistenceBandsRequest,
     ImpactModesRequest,
     ResonancesRequest,
-    SlowFlowRequest,
     TimeHistoryRequest,
 )
+from vibroimpact_schema.slow_flows import SlowFlowRequest
 
 CHAIN = vi.chain(3, [vi.constraint(0, 0.1)])
 STATES = np.zeros((2, 3)), np.ones((2, 3))

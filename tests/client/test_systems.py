@@ -10,7 +10,8 @@ from pydantic import TypeAdapter
 import vibroimpact as vi
 from vibroimpact.grids import frequencies
 from vibroimpact.systems import matrix
-from vibroimpact_schema.requests import ImpactModesRequest, SlowFlowRequest, TimeHistoryRequest
+from vibroimpact_schema.requests import ImpactModesRequest, TimeHistoryRequest
+from vibroimpact_schema.slow_flows import SlowFlowRequest
 from vibroimpact_schema.systems import System
 
 STOP = [vi.constraint(0, 0.1)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vibroimpact_schema import examples, requests, sweeps
+from vibroimpact_schema import examples, requests, slow_flows, sweeps
 
 
 def test_examples_are_found_by_kind() -> None:
@@ -16,8 +16,8 @@ def test_examples_are_found_by_kind() -> None:
 def test_examples_of_slow_flows_fit_their_model(name: str) -> None:
     example = examples.requests("slow-flow")[name]
     assert example["summary"]
-    request = requests.SlowFlowRequest.model_validate(example["request"])
-    assert requests.SlowFlowRequest.model_validate(request.model_dump()) == request
+    request = slow_flows.SlowFlowRequest.model_validate(example["request"])
+    assert slow_flows.SlowFlowRequest.model_validate(request.model_dump()) == request
 
 
 @pytest.mark.parametrize("name", examples.requests("impact-modes"))

@@ -18,7 +18,7 @@ from vibroimpact_schema import examples
 from vibroimpact_schema.jobs import RetryRequest, ShareRequest
 from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_schema.problems import Problem
-from vibroimpact_schema.requests import BatchRequest, JobRequest
+from vibroimpact_schema.submissions import BatchRequest, JobRequest
 from vibroimpact_schema.systems import System
 from vibroimpact_service import problems
 from vibroimpact_service.kinds import KINDS

@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from vibroimpact_schema import laws, motions, requests, systems
+from vibroimpact_schema import laws, motions, requests, slow_flows, systems
 from vibroimpact_service.documents import damped, derivative_paths, digest, initial_states, loads
 from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
@@ -375,7 +375,7 @@ def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:
     }
 
 
-def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:
+def slow_flow(request: slow_flows.SlowFlowRequest, of: System) -> flows.Problem:
     """Return the problem of a slow flow."""
     return flows.Problem(
         of,

@@ -6,7 +6,7 @@ import base64
 from dataclasses import dataclass
 from typing import Any
 
-from vibroimpact_schema.requests import JobRequest
+from vibroimpact_schema.submissions import JobRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import digest, parse, stored_systems

@@ -10,7 +10,7 @@ from typing import Any
 import orjson
 import structlog
 
-from vibroimpact_schema.requests import BatchRequest
+from vibroimpact_schema.submissions import BatchRequest
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import parse, planning, requests
 from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
