@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -318,14 +317,3 @@ def _broken(p: Array) -> Array:
     large = np.minimum(np.abs(curve[1:]), np.abs(curve[:-1])) > np.median(np.abs(curve))
     curve[1:][jump & large] = np.nan
     return curve
-
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Any:
-        """Return the colour of admissible solutions by its name in 0.1.0."""
-        if name != "REAL":
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        message = f"{__name__}.REAL is now {__name__}.ADMISSIBLE"
-        warnings.warn(message, DeprecationWarning, stacklevel=2)
-        return ADMISSIBLE

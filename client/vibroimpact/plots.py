@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import TYPE_CHECKING, Any
+
 from vibroimpact.attractor_plots import bifurcation, section
 from vibroimpact.driven_plots import branches, response
 from vibroimpact.hysteresis_plots import hysteresis
@@ -46,3 +49,14 @@ __all__ = [
     "stability",
     "waveform",
 ]
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Return the colour of admissible solutions by its name in 0.1.0."""
+        if name != "REAL":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        message = f"{__name__}.REAL is now {__name__}.ADMISSIBLE"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return ADMISSIBLE
