@@ -193,6 +193,23 @@ MORE: dict[str, list[dict[str, Any]]] = {
         }
         for variant in ("averaged", "exact", "soft_wall")
     ],
+    "attractors": [
+        {
+            "system": {
+                "preset": "oscillator", "Omega0": 1, "zeta": 0.1,
+                "constraints": [
+                    {
+                        "dof": 0, "gap": {"lower": None, "upper": 0.1},
+                        "law": {"type": "linear", "stiffness": 10, "damping": 0.1},
+                    }
+                ],
+            },
+            "load": [{"dof": 0, "amplitude": 1}], "frequency": [0.8],
+            "initial": {"x": [[0]], "v": [[0]]}, "settle": 50, "observe": 100,
+            "section": section, "outputs": ["section", "stability"],
+        }
+        for section in ("phase", "impacts")
+    ],
     "sweep": [
         {
             "kind": "time-history",

@@ -130,12 +130,14 @@ def begin_phase(
     late is the part of the velocity's error that comes from that of the time.
     """
     contact, scale = phases.rows[row], prepared.scale
+    start, error_start = time
+    speed, error_speed = velocity
     contact.constraint, contact.side = a, side
-    contact.start, contact.error_start = time[0] / scale, time[1] / scale
+    contact.start, contact.error_start = start / scale, error_start / scale
     contact.stop, contact.error_stop = np.nan, 0.0
     contact.impulse = contact.peak_force = contact.indentation = contact.energy_lost = 0.0
     contact.error_impulse = contact.error_indentation = contact.error_energy_lost = 0.0
-    contact.velocity, contact.error_velocity = velocity[0] * scale, velocity[1] * scale
+    contact.velocity, contact.error_velocity = speed * scale, error_speed * scale
     contact.error_peak_force = prepared.laws[a].damping * late * scale
     phases.marks[LASTING, a] = row
 

@@ -25,7 +25,7 @@ def cautions(system: System, roots: Floats, errors: Floats, modes: Floats | None
     roots, errors : arrays, shape (mode,)
         Natural frequencies, minus the rate of growth where a motion grows, and their errors.
     modes : array, shape (n, mode), optional
-        Of unit modal mass; needed where the structure has damping.
+        Of unit modal mass; where they were not computed, nothing is said about damping.
     """
     return [
         *_interchanged(system.M, system.K),

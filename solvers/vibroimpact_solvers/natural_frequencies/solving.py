@@ -88,9 +88,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         flexibility, flexibility_error = residual_flexibility(
             problem.moving, lines, lowest, (rows, rows_error), count
         )
-    damped = problem.system.C is not None and modes is None
-    moving = _shapes(problem, natural, count)[0] if damped else modes
-    said = cautions(problem.system, roots, errors, moving)
+    said = cautions(problem.system, roots, errors, modes)
     rates: dict[str, Any] = {}
     if plan.step(Stage.DERIVATIVES):
         rates = derivatives.outputs(problem, natural, count, modes, rows, signs)
