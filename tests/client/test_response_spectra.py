@@ -76,12 +76,12 @@ class Together:
 
     def events(self) -> list[Callable[[float, Array], float]]:
         """Return what is zero at impacts; forces of elastic stops are left to the step control."""
-        found: list[Any] = []
+        events: list[Any] = []
         for stop in self.stops:
             if len(stop) == 4:
-                found.append(lambda t, y, stop=stop: self.depth(stop, y)[0])
-                found[-1].terminal, found[-1].direction = True, 1.0
-        return found
+                events.append(lambda t, y, stop=stop: self.depth(stop, y)[0])
+                events[-1].terminal, events[-1].direction = True, 1.0
+        return events
 
     def strike(self, y: Array) -> Array:
         n, y = len(self.K), y.copy()
@@ -211,7 +211,7 @@ def test_an_elastic_stop_on_a_vibrating_base() -> None:
 
 
 def test_a_free_mass_between_walls_has_the_spectrum_of_a_triangle_wave() -> None:
-    """Jumps are found from samples at any times, one of them at an impact."""
+    """Jumps follow from samples at any times, one of them at an impact."""
     t = np.sort(np.append(np.random.default_rng(1).uniform(0.0, 10.0, 400), [0.0, 3.5, 10.0]))
     phase = (2.0 * t + 1.0) % 4.0
     x = np.where(phase < 2.0, phase - 1.0, 3.0 - phase)
