@@ -28,6 +28,8 @@ REQUESTS = {name: kind.request.__name__ for name, kind in KINDS.items() if name 
 SWEPT = tuple(one["$ref"].rpartition("/")[2] for one in SCHEMAS["SweepRequest"]["oneOf"])
 BASES = {DERIVATIVES["derivative"].about: "Derivatives"}
 """What the tables of some groups can do besides."""
+CAPABLE = {"time-history": "Motion"}
+"""What results of some kinds can do besides."""
 OTHERS = ("Job", "Plan", "Version", "StoredSystem")
 
 
@@ -188,6 +190,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from vibroimpact.errors import warn_of_structure
 from vibroimpact.parts import Parts
 from vibroimpact.derivatives import Derivatives
+from vibroimpact.response_spectra import Motion
 from vibroimpact.result_file import reading
 from vibroimpact.results import Result
 from vibroimpact.tables import Table
@@ -260,7 +263,7 @@ def _result(kind: str, tables: Tables) -> str:
     solver = KINDS[kind].solver.Result
     fields = declared(solver)
     names = axes({field.name: field.quantity for field in fields.values()})
-    lines = [f"class {name}(Result):", _doc(solver.__doc__ or "")]
+    lines = [f"class {name}({CAPABLE.get(kind, 'Result')}):", _doc(solver.__doc__ or "")]
     lines.append(f"    request: documents.{REQUESTS[kind]}")
     here = [
         field for field in fields.values() if field.quantity.coordinate or not field.quantity.path

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from vibroimpact.derivatives import Derivatives
 from vibroimpact.errors import warn_of_structure
 from vibroimpact.parts import Parts
+from vibroimpact.response_spectra import Motion
 from vibroimpact.result_file import reading
 from vibroimpact.results import Result
 from vibroimpact.tables import Table
@@ -1668,7 +1669,7 @@ class Attractors(Result):
     """Errors of the outputs."""
 
 
-class TimeHistory(Result):
+class TimeHistory(Motion):
     """A motion; outputs that were not requested are absent."""
 
     PARTS: ClassVar[dict[str, type[Table]]] = {
