@@ -41,14 +41,21 @@ _FEW: Final = 6
 """Solutions from which on a table is quicker than as many evaluations of all pairs, measured."""
 _PIECE: Final = 2**20
 """Numbers that are there at once while a table is made."""
-_QUICKER: Final = 4.0
+QUICKER: Final = 4.0
 """Times the rate of the load from which on vibrations may be fast."""
-_TURNED: Final = 60.0
+TURNED: Final = 60.0
 """Radians by which they turn in a free motion."""
 _APART: Final = 0.5
 """Half the distance of both rates of overdamped vibrations, relative to their mean."""
-_PAYS: Final = 4.0
-"""Times the nodes from which on it pays to leave them to closed forms, measured."""
+PAYS: Final = 1.0
+"""Operations of the quadrature for one of closed forms from which on these pay."""
+SEARCH: Final = 6e6
+SEARCHED: Final = 3e3
+"""Operations for extremes of a free motion: of all, and of a form of a mode, measured."""
+PRODUCT: Final = 2e3
+"""And for its energies, of a product of two modes."""
+_NODE: Final = 15.0
+"""Operations of a coordinate at a node, besides those of the pairs."""
 _LOOKS: Final = 64
 """Times in a free motion at which displacements are evaluated before their peaks are sought."""
 _BELOW: Final = 1e-9
@@ -89,14 +96,13 @@ class Along:
         cls, problem: Problem, driven: Driven, outputs: Outputs, cells: Cells, solved: Solutions
     ) -> Along:
         """Integrate along solutions, whose responses are all bounded."""
-        fast = _fast(driven, cells, solved)
-        mesh = _mesh(driven, fast, cells, solved, len(outputs.x) + len(outputs.rates))
         wanted = "extremes" in problem.outputs, "energy" in problem.outputs
         none = np.zeros((0, *outputs.x.shape[1:]))
         forms = [
             form if here else none
             for form, here in zip((outputs.x, outputs.rates), wanted, strict=True)
         ]
+        fast, mesh = _divided(driven, cells, solved, len(forms[0]), len(forms[1]))
         struck = [impact.constraint for impact in problem.impacts][: solved.length.shape[1]]
         mesh, tables = _tables(driven, forms, mesh, struck)
         x, v = (_forms(driven, cells, *each) for each in zip(forms, tables, strict=True))
@@ -144,30 +150,49 @@ class Along:
         )  # fmt: skip
 
 
-def _fast(driven: Driven, cells: Cells, solved: Solutions) -> Booleans:
-    """Return which pairs are fast: those whose integrals cost less in closed form, (pair,)."""
-    pairs, none = driven.pairs, np.zeros(driven.pairs.alpha.size, dtype=bool)
+def _divided(
+    driven: Driven, cells: Cells, solved: Solutions, dofs: int, modes: int
+) -> tuple[Booleans, Mesh]:
+    """Return which pairs are fast, those that cost less in closed form, and a mesh for the others.
+
+    dofs and modes are the numbers of displacements and of modal velocities.
+    """
+    pairs, columns = driven.pairs, dofs + modes
+    none = np.zeros(pairs.alpha.size, dtype=bool)
+    mesh, fast = _mesh(driven, none, cells, solved, columns), none.copy()
     if not solved.phase.size:
-        return none
-    length = float(solved.length.max())
+        return none, mesh
     load = float(cells.Omega[solved.index].max() * driven.harmonics.max(initial=0.0))
-    slowest = max(_QUICKER * load, _TURNED / length)
-    fast = none.copy()
+    slowest = max(QUICKER * load, TURNED / float(solved.length.max()))
     fast[pairs.moving] = pairs.speed[pairs.moving] > slowest
     # Nearly critical ones are differences of exponentials that are almost equal.
     overdamped = (-pairs.growth > slowest) & (pairs.nu > _APART * np.abs(pairs.alpha))
     fast[pairs.hyperbolas] &= overdamped[pairs.hyperbolas]
     fast[pairs.parabolas] = False
-    every, slow = (_panels(pairs.rates(some), load, length) for some in (np.ones_like(none), ~fast))
-    return fast if every > _PAYS * slow else none
+    count = float(pairs.moving.size)
+    closed = (SEARCH + SEARCHED * dofs * count) * (dofs > 0) + PRODUCT * count**2 * (modes > 0)
+    closed *= solved.length.size
+    followed = _operations(driven, mesh, solved, load, columns)
+    if not fast.any() or not PAYS * closed < followed:
+        return none, mesh
+    slow = _mesh(driven, fast, cells, solved, columns)
+    closed += _operations(driven, slow, solved, load, columns)
+    return (fast, slow) if PAYS * closed < followed else (none, mesh)
 
 
-def _panels(rates: tuple[Floats, Floats], load: float, length: float) -> float:
-    """Return about how many panels a free motion has."""
-    ends, speeds = _segments(*rates)
-    until = np.minimum(ends, length)
-    widths = np.diff(until, prepend=0.0)
-    return LEAST + float((np.maximum(speeds, load) * widths).sum()) / TURN
+def _operations(driven: Driven, mesh: Mesh, solved: Solutions, load: float, columns: int) -> float:
+    """Return about how many operations the quadrature takes."""
+    legs, impacts, length = solved.length.size, solved.length.shape[1], float(solved.length.max())
+    begins = np.concatenate([[0.0], mesh.ends[:-1]])
+    widths = np.minimum(mesh.ends, length) - np.minimum(begins, length)
+    nodes = _NODES * np.maximum(np.maximum(mesh.speeds, load) / TURN, LEAST / length) * widths
+    growth: Floats = driven.pairs.growth[driven.pairs.moving]
+    alive = (growth * begins[:, np.newaxis] > -DEAD).sum(axis=1)
+    shared, dies = int(mesh.shared.size), int(mesh.dies.sum())
+    alive[:shared] = max(growth.size - dies, 0)
+    table = 2.0 * dies * impacts * float(nodes[:shared].sum())
+    each = float((nodes * (_NODE + 2.0 * alive)).sum())
+    return float(columns * (table + legs * each))
 
 
 def _mesh(driven: Driven, fast: Booleans, cells: Cells, solved: Solutions, columns: int) -> Mesh:

@@ -57,17 +57,17 @@ def both_ways(
     if options.get("sequence") == driven.SYMMETRIC:
         load = load[:1]
     known = list[int]()
-    chosen = along._fast
+    chosen = along._divided
 
     def counted(*given: Any) -> Any:
-        fast = chosen(*given)
+        fast, mesh = chosen(*given)
         known.append(int(fast.sum()))
-        return fast
+        return fast, mesh
 
-    monkeypatch.setattr(along, "_fast", counted)
+    monkeypatch.setattr(along, "_divided", counted)
     results = []
     for pays in (0.0, math.inf):
-        monkeypatch.setattr(along, "_PAYS", pays)
+        monkeypatch.setattr(along, "PAYS", pays)
         outputs = frozenset({"exists", "extremes", "energy"})
         problem = driven.Problem(given, np.array([0.7, 1.3, 2.1]), load, outputs=outputs, **options)
         results.append(driven.solve(problem, driven.plan(problem)))
@@ -131,7 +131,7 @@ def test_beside_rigid_bodies_and_constant_loads(
 
 def test_extremes_are_not_below_any_displacement(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither beside the impact, where the fastest vibrations are, nor anywhere else."""
-    monkeypatch.setattr(along, "_PAYS", 0.0)
+    monkeypatch.setattr(along, "PAYS", 0.0)
     tau = np.concatenate([np.logspace(-9.0, -2.0, 2000), np.linspace(0.01, 1.0, 20_000)])
     problem = driven.Problem(
         system("ratio"), np.array([0.7, 1.3]), (driven.Force((2,), (1.0,), 6.0),),
@@ -156,7 +156,7 @@ def test_extremes_are_not_below_any_displacement(monkeypatch: pytest.MonkeyPatch
 def test_one_kind_of_output_is_the_same_without_the_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(along, "_PAYS", 0.0)
+    monkeypatch.setattr(along, "PAYS", 0.0)
     load = (driven.Force((2,), (1.0,), 6.0),)
     results = []
     for wanted in ({"extremes", "energy"}, {"extremes"}, {"energy"}):
@@ -202,3 +202,19 @@ def pairs_of_all_kinds() -> Pairs:
     )  # fmt: skip
     problem = driven.Problem(system, np.array([0.8]), (driven.Force((0,), (1.0,), 1.0),))
     return Driven.of(problem, spectrum.choose(system)).pairs
+
+
+@pytest.mark.parametrize(("fastest", "closed"), [(30.0, False), (1e6, True)])
+def test_plans_tell_what_is_in_closed_form(fastest: float, closed: bool) -> None:
+    """And price it, whether or not the fast mode is damped: with what the quadrature would take."""
+    flops = []
+    for C in (None, SymmetricMatrix.dense(np.diag([0.1, 0.01 * fastest]))):
+        M, K = (SymmetricMatrix.dense(A) for A in (np.eye(2), np.diag([1.0, fastest**2])))
+        given = System(M, K, (Constraint((0, 1), (1.0, 1.0), None, 0.5, 0.7),), C=C)
+        load = (driven.Force((0,), (1.0,), 1.0),)
+        planned = driven.plan(driven.Problem(given, np.array([0.9]), load))
+        (step,) = (step for step in planned.steps if step.method == "quadrature")
+        assert ("closed form" in step.reason) == closed
+        flops.append(step.flops)
+    assert flops[0] == flops[1]
+    assert 1e5 < flops[0] < 1e9
