@@ -40,6 +40,17 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             "load": [{"dof": 0, "amplitude": 1}, {"dof": 0, "amplitude": 0.5, "harmonic": 2}],
             "frequency": {"values": [0.7]},
         },
+        # A mode that is much faster than the load.
+        {
+            "system": {
+                "M": {"scalar": 1, "n": 2},
+                "K": [[1e10, -1e10], [-1e10, 1.0000000001e10]],
+                "constraints": [{"dof": 0, "gap": 0.2, "restitution": 0.8}],
+            },
+            "load": [{"dof": 0, "amplitude": 1}],
+            "frequency": {"values": [0.5]},
+            "outputs": ["extremes", "energy"],
+        },
         # A stop with a stiffness.
         {
             "system": {

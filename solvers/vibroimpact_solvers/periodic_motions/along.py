@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -23,7 +23,9 @@ from vibroimpact_solvers.kernels.orbits import (
 )
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.fast import Fast, Shares
 from vibroimpact_solvers.periodic_motions.outputs import Outputs
+from vibroimpact_solvers.periodic_motions.peaks import Peaks
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 from vibroimpact_solvers.periodic_motions.waveform import displacements
@@ -39,6 +41,21 @@ _FEW: Final = 6
 """Solutions from which on a table is quicker than as many evaluations of all pairs, measured."""
 _PIECE: Final = 2**20
 """Numbers that are there at once while a table is made."""
+QUICKER: Final = 4.0
+"""Times the rate of the load from which on vibrations may be fast."""
+TURNED: Final = 60.0
+"""Radians by which they turn in a free motion."""
+_APART: Final = 0.5
+"""Half the distance of both rates of overdamped vibrations, relative to their mean."""
+PAYS: Final = 1.0
+"""Operations of the quadrature for one of closed forms from which on these pay."""
+SEARCH: Final = 6e6
+SEARCHED: Final = 3e3
+"""Operations for extremes of a free motion: of all, and of a form of a mode, measured."""
+PRODUCT: Final = 2e3
+"""And for its energies, of a product of two modes."""
+_NODE: Final = 15.0
+"""Operations of a coordinate at a node, besides those of the pairs."""
 _LOOKS: Final = 64
 """Times in a free motion at which displacements are evaluated before their peaks are sought."""
 _BELOW: Final = 1e-9
@@ -53,16 +70,20 @@ class Along:
     ----------
     squares : array, shape (solution, dof)
         Integrals of the squares of displacements over a cell.
+    sizes : array, shape (solution, dof)
+        Bounds of the root mean squares of what was squared in closed form, of its moduli.
     peaks : array, shape (solution, 2, dof)
         The highest displacements, and minus the lowest ones.
     work, flow, dissipated : array, shape (solution,)
-        Work of the load in a cell, integral of the modulus of its power, losses by damping.
+        Work of the load in a cell, a bound of the integral of the modulus of its power, losses by
+        damping.
     speeds : array, shape (solution, mode)
-        Integrals of the moduli of modal velocities.
+        Bounds of the integrals of the moduli of modal velocities.
     nodes : array, shape (solution,)
     """
 
     squares: Floats
+    sizes: Floats
     peaks: Floats
     work: Floats
     flow: Floats
@@ -75,18 +96,19 @@ class Along:
         cls, problem: Problem, driven: Driven, outputs: Outputs, cells: Cells, solved: Solutions
     ) -> Along:
         """Integrate along solutions, whose responses are all bounded."""
-        mesh = _mesh(driven, cells, solved, len(outputs.x) + len(outputs.rates))
         wanted = "extremes" in problem.outputs, "energy" in problem.outputs
         none = np.zeros((0, *outputs.x.shape[1:]))
         forms = [
             form if here else none
             for form, here in zip((outputs.x, outputs.rates), wanted, strict=True)
         ]
+        fast, mesh = _divided(driven, cells, solved, len(forms[0]), len(forms[1]))
         struck = [impact.constraint for impact in problem.impacts][: solved.length.shape[1]]
         mesh, tables = _tables(driven, forms, mesh, struck)
         x, v = (_forms(driven, cells, *each) for each in zip(forms, tables, strict=True))
         x.trend[0] += outputs.still[: len(forms[0])]
-        motions = _motions(driven, cells, solved)
+        left = replace(solved, state=np.where(fast, 0.0, solved.state)) if fast.any() else solved
+        motions = _motions(driven, cells, left)
         damping = np.zeros((0, outputs.load.shape[1]))
         if outputs.damping is not None:
             diagonal = np.diag(outputs.damping)
@@ -97,7 +119,9 @@ class Along:
         )
         n, dofs, modes = solved.index.size, x.trend.shape[1], v.trend.shape[1]
         peaks = np.full((n, 2, dofs), -np.inf)
-        if dofs and mesh.ends[0] < solved.length.min():
+        if fast.any():
+            peaks[:] = np.inf  # none are sought beside nodes
+        elif dofs and mesh.ends[0] < solved.length.min():
             peaks = _reached(driven, outputs, cells, solved)
         sums = Sums(
             np.zeros((n, 2, dofs)), peaks, np.zeros((n, 2, 3)),
@@ -107,19 +131,78 @@ class Along:
         while not integrate(driven.pairs.flow, x, v, change, motions, mesh, sums, room):
             look()
         work, flow, dissipated = sums.energy.sum(axis=1).T
-        return cls(
-            sums.squares.sum(axis=1), sums.peaks, work, flow, dissipated, sums.speeds, sums.nodes
-        )
+        found = cls(
+            sums.squares.sum(axis=1), np.zeros((n, dofs)), sums.peaks, work, flow, dissipated,
+            sums.speeds, sums.nodes,
+        )  # fmt: skip
+        if fast.any():
+            shares = Fast(driven, fast, cells, x, v, change).shares(solved)
+            peaks = Peaks(driven, cells, x).of(solved) if dofs else peaks
+            return found.completed(shares, peaks)
+        return found
+
+    def completed(self, shares: Shares, peaks: Floats) -> Along:
+        """Return these with what fast vibrations add, and with the extremes of all."""
+        return Along(
+            self.squares + shares.squares, shares.sizes, peaks, self.work + shares.work,
+            self.flow + shares.flow, self.dissipated + shares.dissipated,
+            self.speeds + shares.speeds, self.nodes,
+        )  # fmt: skip
 
 
-def _mesh(driven: Driven, cells: Cells, solved: Solutions, columns: int) -> Mesh:
+def _divided(
+    driven: Driven, cells: Cells, solved: Solutions, dofs: int, modes: int
+) -> tuple[Booleans, Mesh]:
+    """Return which pairs are fast, those that cost less in closed form, and a mesh for the others.
+
+    dofs and modes are the numbers of displacements and of modal velocities.
+    """
+    pairs, columns = driven.pairs, dofs + modes
+    none = np.zeros(pairs.alpha.size, dtype=bool)
+    mesh, fast = _mesh(driven, none, cells, solved, columns), none.copy()
+    if not solved.phase.size:
+        return none, mesh
+    load = float(cells.Omega[solved.index].max() * driven.harmonics.max(initial=0.0))
+    slowest = max(QUICKER * load, TURNED / float(solved.length.max()))
+    fast[pairs.moving] = pairs.speed[pairs.moving] > slowest
+    # Nearly critical ones are differences of exponentials that are almost equal.
+    overdamped = (-pairs.growth > slowest) & (pairs.nu > _APART * np.abs(pairs.alpha))
+    fast[pairs.hyperbolas] &= overdamped[pairs.hyperbolas]
+    fast[pairs.parabolas] = False
+    count = float(pairs.moving.size)
+    closed = (SEARCH + SEARCHED * dofs * count) * (dofs > 0) + PRODUCT * count**2 * (modes > 0)
+    closed *= solved.length.size
+    followed = _operations(driven, mesh, solved, load, columns)
+    if not fast.any() or not PAYS * closed < followed:
+        return none, mesh
+    slow = _mesh(driven, fast, cells, solved, columns)
+    closed += _operations(driven, slow, solved, load, columns)
+    return (fast, slow) if PAYS * closed < followed else (none, mesh)
+
+
+def _operations(driven: Driven, mesh: Mesh, solved: Solutions, load: float, columns: int) -> float:
+    """Return about how many operations the quadrature takes."""
+    legs, impacts, length = solved.length.size, solved.length.shape[1], float(solved.length.max())
+    begins = np.concatenate([[0.0], mesh.ends[:-1]])
+    widths = np.minimum(mesh.ends, length) - np.minimum(begins, length)
+    nodes = _NODES * np.maximum(np.maximum(mesh.speeds, load) / TURN, LEAST / length) * widths
+    growth: Floats = driven.pairs.growth[driven.pairs.moving]
+    alive = (growth * begins[:, np.newaxis] > -DEAD).sum(axis=1)
+    shared, dies = int(mesh.shared.size), int(mesh.dies.sum())
+    alive[:shared] = max(growth.size - dies, 0)
+    table = 2.0 * dies * impacts * float(nodes[:shared].sum())
+    each = float((nodes * (_NODE + 2.0 * alive)).sum())
+    return float(columns * (table + legs * each))
+
+
+def _mesh(driven: Driven, fast: Booleans, cells: Cells, solved: Solutions, columns: int) -> Mesh:
     """Return how the free motions of solutions are divided; columns are those of a table."""
     pairs = driven.pairs
     dies: Booleans = np.zeros(pairs.alpha.size, dtype=bool)
     ends, speeds = [math.inf], [0.0]
     shared: list[int] = []
     if solved.phase.size:
-        ends, speeds = _segments(*pairs.rates)
+        ends, speeds = _segments(*pairs.rates(~fast))
         shortest = float(solved.length.min())
         load = float(cells.Omega[solved.index].max() * driven.harmonics.max(initial=0.0))
         begin = 0.0
@@ -134,7 +217,7 @@ def _mesh(driven: Driven, cells: Cells, solved: Solutions, columns: int) -> Mesh
             shared.append(panels)
             begin = end
         some = slice(0, pairs.hyperbolas.stop)
-        dies[some] = (-pairs.growth * begin >= DEAD * (1.0 - 1e-9))[some]
+        dies[some] = (~fast & (-pairs.growth * begin >= DEAD * (1.0 - 1e-9)))[some]
         if not dies.any():
             shared = []
     return Mesh(

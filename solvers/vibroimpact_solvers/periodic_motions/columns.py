@@ -209,6 +209,8 @@ def _of_bounded(problem: Problem, driven: Driven, cells: Cells, solved: Solution
         values = {"x_max": highest, "x_min": lowest, "rms": rms}
         columns |= {f"solution_{name}": value for name, value in values.items()}
         columns |= {f"error_{name}": error for name in values}
+        # Squares in closed form have roundings relative to what they are sums of.
+        columns["error_rms"] = error * np.maximum(1.0, along.sizes / np.where(rms == 0.0, 1.0, rms))
     if "energy" in problem.outputs:
         balance = energies(problem, driven, outputs, cells, solved, along)
         columns |= {

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.kernels.flow import Flow
 from vibroimpact_solvers.kernels.periodic import (
     Response,
@@ -49,16 +49,18 @@ class Pairs:
         """Moduli of the rates, shape (pair,)."""
         self.growth = self.alpha.copy()
         self.growth[self.hyperbolas] += self.nu[self.hyperbolas]
-        own = self.moving
+
+    def rates(self, some: Booleans) -> tuple[Floats, Floats]:
+        """Return decays and moduli of all rates of some pairs of modes, (rate,) each."""
+        own = self.moving[some[self.moving]]
         rotating = own[own < self.flow.rotations]
         real = own[own >= self.flow.rotations]
         apart = np.where(real < self.flow.hyperbolas_end, self.nu[real], 0.0)
         both = np.concatenate([self.alpha[real] + apart, self.alpha[real] - apart])
-        self.rates = (
+        return (
             np.concatenate([-self.alpha[rotating], -both]),
             np.concatenate([self.speed[rotating], np.abs(both)]),
         )
-        """Decays and moduli of all rates of the modes, (rate,) each."""
 
     def propagators(self, times: Floats, rests: Floats | None = None) -> Floats:
         """Return the even and odd numbers of the pairs at times, shape (time, 2, pair)."""

@@ -10,13 +10,16 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.errors import PlanError
-from vibroimpact_solvers.periodic_motions import free_bodies, stops
+from vibroimpact_solvers.periodic_motions import along, free_bodies, stops
 from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _NODES = 60.0  # at which a solution is evaluated, about, while little turns in its period
 _NODES_OF_A_RADIAN = 3.5
 _NODE = 1e3  # operations at a node, whatever the structure is
+_SLOW = 20.0  # modes of those that the quadrature follows where others are fast, at most
+_CLOSED = 5.0  # operations of the quadrature for one of closed forms (`along`), by their rate
+_WIDE = 4.0  # times what the quadrature has to follow, from which on fast vibrations are left out
 _TURN = 20.0  # radians of what turns fastest in a period that count no more
 # Bytes of the columns of a solution, with their errors; those of an extreme are for each dof.
 _SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 48, 24, 32
@@ -85,10 +88,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
         yield Step(Stage.EXISTENCE, "safe steps", reason, flops, size, bounded=False)
     dofs = float(problem.output_dofs.size)
     if {"extremes", "energy"} & outputs:
-        reason = "quadrature over every free motion, exact to rounding"
-        nodes = max(_NODES, _NODES_OF_A_RADIAN * turns)
-        columns = dofs * ("extremes" in outputs) + modes * ("energy" in outputs)
-        flops = rows * nodes * (_NODE + 4.0 * columns * modes)
+        reason, flops = _integrals(problem, rows, each * count if m == 1 else rows * m)
         extremes = _EXTREMES * dofs * ("extremes" in outputs)
         size = rows * (extremes + _ENERGIES * ("energy" in outputs))
         yield Step(Stage.ENERGY, "quadrature", reason, flops, size, bounded=False)
@@ -107,6 +107,28 @@ def _steps(problem: Problem) -> Iterator[Step]:
         flops = rows * _SWEEPS * 2.0 * modes * (80.0 * m * m + 20.0) * modes
         name = "characteristic equation"
         yield Step(Stage.STABILITY, name, reason, flops, size, bounded=False)
+
+
+def _integrals(problem: Problem, rows: float, legs: float) -> tuple[str, float]:
+    """Return how integrals and extremes along solutions are found, and the operations of that.
+
+    legs are free motions after impacts.
+    """
+    modes, dofs = float(problem.system.n), float(problem.output_dofs.size)
+    extremes, energy = "extremes" in problem.outputs, "energy" in problem.outputs
+    columns = dofs * extremes + modes * energy
+    turns, by_load = _fastest_turns(problem), _load_turns(problem)
+    slow = max(along.QUICKER * by_load, along.TURNED)
+    reason = "quadrature over every free motion, exact to rounding"
+    if turns <= _WIDE * slow:
+        nodes = max(_NODES, _NODES_OF_A_RADIAN * turns)
+        return reason, rows * nodes * (_NODE + 4.0 * columns * modes)
+    reason = "quadrature of what is slow, exact to rounding; fast vibrations in closed form"
+    nodes = _NODES_OF_A_RADIAN * slow
+    flops = rows * nodes * (_NODE + 4.0 * columns * min(modes, _SLOW))
+    closed = extremes * (along.SEARCH + along.SEARCHED * dofs * modes)
+    closed += energy * along.PRODUCT * modes * modes
+    return reason, flops + _CLOSED * legs * closed
 
 
 def _order(problem: Problem) -> float:
@@ -131,12 +153,20 @@ def _turns(problem: Problem) -> float:
 
     Fast modes count where nothing damps them.
     """
-    period = 2.0 * math.pi * problem.periods
+    return _fastest_turns(problem) if problem.system.C is None else _load_turns(problem)
+
+
+def _load_turns(problem: Problem) -> float:
+    """Return by how many radians the highest harmonic of the load turns in a period."""
     highest = max((force.harmonic for force in problem.load), default=1)
-    if problem.system.C is not None:
-        return period * highest
-    fastest = spectrum.largest_frequency(problem.system)
-    return period * float(np.maximum(highest, fastest / problem.Omega).mean())
+    return 2.0 * math.pi * problem.periods * highest
+
+
+def _fastest_turns(problem: Problem) -> float:
+    """Return by how many radians the fastest mode, or the load, turns in a period, the mean one."""
+    period = 2.0 * math.pi * problem.periods
+    fastest = period * spectrum.largest_frequency(problem.system) / problem.Omega
+    return float(np.maximum(_load_turns(problem), fastest).mean())
 
 
 def _skips(problem: Problem) -> Iterator[Skip]:

@@ -46,6 +46,7 @@ def test_what_dies_may_be_evaluated_once_for_all(
         return made
 
     monkeypatch.setattr(along, "_mesh", counted)
+    monkeypatch.setattr(along, "PAYS", math.inf)
     monkeypatch.setattr(along, "_FEW", 1)
     once = response(symmetric=symmetric)
     monkeypatch.setattr(along, "_TABLE", largest)
