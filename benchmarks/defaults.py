@@ -310,11 +310,11 @@ def _history_by_hand(
         event.terminal, event.direction = True, -1.0
     t, z, times = 0.0, np.concatenate([np.zeros(count), modes.T @ (M @ v)]), list[float]()
     while t < t_end:
-        flight = scipy.integrate.solve_ivp(
+        piece = scipy.integrate.solve_ivp(
             slope, (t, t_end), z, "DOP853", events=events, rtol=1e-9, atol=1e-12
         )
-        t, z = float(flight.t[-1]), flight.y[:, -1].copy()
-        if flight.status == 1:
+        t, z = float(piece.t[-1]), piece.y[:, -1].copy()
+        if piece.status == 1:
             times.append(t)
             z[count:] -= 2.0 * (row @ z[count:]) / (row @ row) * row
     return times

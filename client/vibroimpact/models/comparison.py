@@ -199,19 +199,19 @@ def compared(
     if at is not None:  # and the harmonics of the drive
         count = min(_HARMONICS, max(1, int(Omega.max() / (factor * at))))
         alike = np.append(Omega, factor * at * np.arange(1, 1 + count))
-    found = subspace(side, flexible, first, F, alike)
+    space = subspace(side, flexible, first, F, alike)
     elastic = Flexibility(small.K, small.M, motions).elastic(T.T @ F)
     C, M, K = (0.5 * (part + part.T) for part in _small(side))
     motion = None
     if at is not None:
-        motion = motion_comparison.compare(side, found, first, load, unit, at, client, options)
+        motion = motion_comparison.compare(side, space, first, load, unit, at, client, options)
     return Comparison(
         Omega,
         (stops.T @ T) @ responses(M, C, K, T.T @ F, Omega),
-        (stops.T @ found.V) @ found.x[: Omega.size],
+        (stops.T @ space.V) @ space.x[: Omega.size],
         stops.T @ (T @ elastic),
         stops.T @ everything.elastic(F),
-        found.residual[: Omega.size],
+        space.residual[: Omega.size],
         [f"{name} {place}" for name, count in (("stop", stops.shape[1]), ("load", len(load)))
          for place in range(count)],
         unit,

@@ -99,22 +99,22 @@ class MotionComparison:
 
 def _existing(result: Any) -> dict[str, Array]:
     """Return the numbers of motions that exist, and which stops they meet."""
-    exists, found = result.solution.exists, dict[str, Array]()
-    found["kind"] = np.column_stack([result.solution.impacts[exists]])
+    exists, existing = result.solution.exists, dict[str, Array]()
+    existing["kind"] = np.column_stack([result.solution.impacts[exists]])
     rows = {"solution": exists}
     for table in ("impact", "contact"):
         columns = getattr(result, table, None)
-        found[table] = np.zeros((0, 3))
+        existing[table] = np.zeros((0, 3))
         if columns is not None and "solution" in columns:
             rows[table] = exists[columns.solution]
             places = [columns.solution, columns.constraint, columns.side]
-            found[table] = np.column_stack(places)[rows[table]]
+            existing[table] = np.column_stack(places)[rows[table]]
             number = np.cumsum(exists) - 1
-            found[table][:, 0] = number[found[table][:, 0]]
+            existing[table][:, 0] = number[existing[table][:, 0]]
     for table, names in _COMPARED.items():
         for name in names if table in rows else ():
-            found[f"{table}.{name}"] = getattr(result, table)[name][rows[table]]
-    return found
+            existing[f"{table}.{name}"] = getattr(result, table)[name][rows[table]]
+    return existing
 
 
 def check(side: Side) -> None:
@@ -136,7 +136,7 @@ def check(side: Side) -> None:
 
 def compare(
     side: Side,
-    found: Subspace,
+    space: Subspace,
     first: int,
     load: Sequence[Mapping[str, Any]],
     unit: str,
@@ -149,14 +149,14 @@ def compare(
     Parameters
     ----------
     side : Side
-    found : Subspace
+    space : Subspace
     first : int
         Its vectors before those of which the kept degrees of freedom are at rest.
     load, unit, at, client, options
         As of `Reduction.compare`.
     """
     places = np.arange(side.small.n)
-    whole = _of_subspace(side, found, first)
+    whole = _of_subspace(side, space, first)
     if _is_few(side):
         places, whole = side.rows, _of_whole(side)
     client = Local() if client is None else client
@@ -192,18 +192,18 @@ def _of_whole(side: Side) -> dict[str, Any]:
     return _structure(side, side.whole.M, C, side.whole.K, influence)
 
 
-def _of_subspace(side: Side, found: Subspace, first: int) -> dict[str, Any]:
+def _of_subspace(side: Side, space: Subspace, first: int) -> dict[str, Any]:
     """Return the structure in a subspace; its first degrees of freedom are those of the reduced."""
-    masses = np.diagonal(found.M)[first:]
+    masses = np.diagonal(space.M)[first:]
     heavy = masses > _HEAVY * masses.max(initial=0.0)
     keep = np.concatenate([np.arange(first), first + np.flatnonzero(heavy)])
     scale = np.concatenate([np.ones(first), 1.0 / np.sqrt(masses[heavy])])
-    M, C = (part[np.ix_(keep, keep)] * np.outer(scale, scale) for part in (found.M, found.C))
+    M, C = (part[np.ix_(keep, keep)] * np.outer(scale, scale) for part in (space.M, space.C))
     K = np.diag(scale**2)  # vectors have unit energy, and none together with static shapes
     K[:first, :first] = side.small.K.toarray()[:first, :first]
     influence = None
     if side.structure.get("influence") is not None:
-        forces = scale * (found.V[:, keep].T @ (side.whole.M @ side.influence))
+        forces = scale * (space.V[:, keep].T @ (side.whole.M @ side.influence))
         influence = base_displacements(M, forces)
     return _structure(side, M, C, K, influence)
 

@@ -112,20 +112,20 @@ def subspace(
         V[:, :first], V[others, first:] = side.T[:, :first], E
         products = side.whole.K @ V, side.damped(V), side.whole.M @ V
         K, C, M = (_symmetric(V.T @ each) for each in products)
-        found = Subspace(V, M, C, K, responses(M, C, K, V.T @ F, Omega), np.zeros(Omega.size))
+        space = Subspace(V, M, C, K, responses(M, C, K, V.T @ F, Omega), np.zeros(Omega.size))
         if flexible is None:
-            return found
+            return space
         terms = np.hstack([part[others] for part in (F, *products)])
-        X, found.residual[:] = _corrections(flexible, terms, found, Omega)
-        largest = found.residual.max(initial=0.0)
+        X, space.residual[:] = _corrections(flexible, terms, space, Omega)
+        largest = space.residual.max(initial=0.0)
         if largest <= CLOSE or 0.5 * last < largest <= _SMALL:
-            return found
+            return space
         E, last = np.hstack([E, X]), largest
-    return found
+    return space
 
 
 def _corrections(
-    flexible: Flexibility, terms: Array, found: Subspace, Omega: Array
+    flexible: Flexibility, terms: Array, space: Subspace, Omega: Array
 ) -> tuple[Array, Array]:
     """Return displacements by the residuals, and how large these are at each frequency.
 
@@ -134,13 +134,13 @@ def _corrections(
     flexible : Flexibility
     terms : array, shape (other, term)
         Forces, and those of K, C and M by the vectors: the residuals are their sums.
-    found : Subspace
+    space : Subspace
     Omega : array, shape (frequency,)
     """
-    x, turning = found.x, Omega[:, np.newaxis, np.newaxis]
+    x, turning = space.x, Omega[:, np.newaxis, np.newaxis]
     forces = np.broadcast_to(np.eye(x.shape[2]), (Omega.size, *2 * x.shape[2:]))
     weights = np.concatenate([forces, -x, -1j * turning * x, turning**2 * x], axis=1)
-    norm = found.K + turning**2 * found.M
+    norm = space.K + turning**2 * space.M
     sizes = np.sqrt(np.maximum(np.sum(x.conj() * (norm @ x), axis=1).real, 0.0))
     weights /= np.where(sizes > 0.0, sizes, np.inf)[:, np.newaxis]
     several = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)

@@ -131,15 +131,15 @@ class Along:
         while not integrate(driven.pairs.flow, x, v, change, motions, mesh, sums, room):
             look()
         work, flow, dissipated = sums.energy.sum(axis=1).T
-        found = cls(
+        along = cls(
             sums.squares.sum(axis=1), np.zeros((n, dofs)), sums.peaks, work, flow, dissipated,
             sums.speeds, sums.nodes,
         )  # fmt: skip
         if fast.any():
             shares = Fast(driven, fast, cells, x, v, change).shares(solved)
             peaks = Peaks(driven, cells, x).of(solved) if dofs else peaks
-            return found.completed(shares, peaks)
-        return found
+            return along.completed(shares, peaks)
+        return along
 
     def completed(self, shares: Shares, peaks: Floats) -> Along:
         """Return these with what fast vibrations add, and with the extremes of all."""
