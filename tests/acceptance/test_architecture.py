@@ -47,7 +47,7 @@ UNLISTED = {"service/logs.py", "service/metrics.py", "service/jobs/metrics.py"}
 UNLISTED |= {"service/settings.py"}
 REQUEST, STORED = "The path of a request", "The path of a stored result"
 HISTORY, JOB = "The path of a time history", "The path of a job"
-MOST = {REQUEST: 47, STORED: 15, HISTORY: 61, JOB: 60}
+MOST = {REQUEST: 47, STORED: 15, HISTORY: 62, JOB: 60}
 """Heading of a path in the page -> files that it visits at most."""
 LONGEST_MODULE, LONGEST_FUNCTION = 400, 80
 """Lines of a module and of a function of the service."""
