@@ -253,6 +253,25 @@ class TestAttractors:
             }
 
     @pytest.mark.needs("compiled kernels")
+    def test_go_on_from_within_a_stop_that_yields(self, store: Store) -> None:
+        """At the drive's phase 0 the stop is loaded: the mass is beyond its wall, and stays."""
+        spring = {"type": "linear", "stiffness": 10.0}
+        wall = {"dof": 0, "gap": {"lower": None, "upper": -0.5}, "law": spring}
+        # So little damping that 32 periods show where the motion began.
+        system = SETTLED["system"] | {"zeta": 1e-4, "constraints": [wall]}
+        base = SETTLED | {"system": system, "settle": 0, "observe": 32}
+        axis = {"path": "load.0.amplitude", "values": [0.5, 0.6]}
+        _, result = solved(store, document("attractors", base, axis))
+        first = alone(store, "attractors", changed(base, "load.0.amplitude", 0.5))
+        end = {"x": [first.section_x[-1].tolist()], "v": [first.section_v[-1].tolist()]}
+        assert first.section_x[-1, 0] > -0.4
+        content = changed(base | {"initial": end}, "load.0.amplitude", 0.6)
+        second = alone(store, "attractors", content)
+        for i, each in enumerate((first, second)):
+            mine = rows(result, "section", "section_x", (i,))
+            np.testing.assert_allclose(mine, each.section_x, rtol=0.0, atol=1e-9)
+
+    @pytest.mark.needs("compiled kernels")
     def test_of_several_motions_go_on_motion_by_motion(self, store: Store) -> None:
         axis = {"path": "frequency.values.0", "values": [1.15, 1.2, 1.25]}
         states = [(0.0, 0.0), (0.0, -1.5), (0.3, 1.0)]

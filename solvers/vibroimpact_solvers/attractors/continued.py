@@ -75,7 +75,8 @@ def solve_each(
         if isinstance(outcome, SolverError):
             yield outcome, None
             continue
-        x = on_stops(problem.system.constraints, outcome.x)
+        rigid = () if problem.stopped else problem.system.constraints
+        x = on_stops(rigid, outcome.x)
         yield outcome.result, End(x, outcome.v)
 
 
