@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.attractors.growth import Exponents
+from vibroimpact_solvers.attractors.growth import Exponents, Lengths
 from vibroimpact_solvers.attractors.observed import Observed
 from vibroimpact_solvers.attractors.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import prescribed
@@ -65,8 +65,8 @@ class OfContacts(Exponents):
         w = np.stack([
             self._scenes.passage((), loaded)[0] @ self._begin for loaded in events.first
         ])  # fmt: skip
-        lengths = np.zeros((count, self._problem.observe + 1))
-        total, section, before = np.zeros(count), np.zeros(count, np.int64), np.zeros(count)
+        lengths = Lengths(count, self._problem.observe + 1)
+        before = np.zeros(count)
         for event in range(events.time.shape[1]):
             if event % _LOOK == 0:
                 report()
@@ -79,17 +79,12 @@ class OfContacts(Exponents):
                 rows, side = at[mine], self._scenes.side(self._loaded[here])
                 w[rows] = prescribed.apply(side.propagators(span[mine]), w[rows])
                 done = rows[code[mine] == _SECTION]
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    size = self._sizes(here, w[done])
-                    total[done] += np.log(size)
-                    w[done] /= size[:, np.newaxis]
-                section[done] += 1
-                lengths[done, section[done]] = total[done]
+                lengths.shorten(done, w, self._sizes(here, w[done]))
                 for switching in np.unique(code[mine][code[mine] != _SECTION]).tolist():
                     some = rows[code[mine] == switching]
                     after, jump = self._jump(here, switching)
                     w[some], scene[some] = w[some] @ jump.T, after
-        return lengths
+        return lengths.logs
 
     def _sizes(self, scene: int, w: Floats) -> Floats:
         """Return the lengths of deviations, as of the structure without contacts."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.attractors.growth import Exponents
+from vibroimpact_solvers.attractors.growth import Exponents, Lengths
 from vibroimpact_solvers.attractors.observed import Observed
 from vibroimpact_solvers.attractors.problem import Problem
 from vibroimpact_solvers.periodic_motions.drive import Driven
@@ -78,8 +78,8 @@ class OfImpacts(Exponents):
         events, driven, count = self._events(motions), self._driven, len(motions)
         z = self._free_states(motions)
         w = np.broadcast_to(self._deviation, z.shape).copy()
-        lengths = np.zeros((count, self._problem.observe + 1))
-        total, section, before = np.zeros(count), np.zeros(count, np.int64), np.zeros(count)
+        lengths = Lengths(count, self._problem.observe + 1)
+        before = np.zeros(count)
         for event in range(events.time.shape[1]):
             if event % _LOOK == 0:
                 report()
@@ -93,13 +93,8 @@ class OfImpacts(Exponents):
             ends = events.constraint[at, event] == _SECTION
             self._strike(z, w, events, at[~ends], event)
             done = at[ends]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                size = np.sqrt((w[done] ** 2 * self._own).sum(axis=(1, 2)))
-                total[done] += np.log(size)
-                w[done] /= size[:, np.newaxis, np.newaxis]
-            section[done] += 1
-            lengths[done, section[done]] = total[done]
-        return lengths
+            lengths.shorten(done, w, np.sqrt((w[done] ** 2 * self._own).sum(axis=(1, 2))))
+        return lengths.logs
 
     def _strike(self, z: Floats, w: Floats, events: _Events, at: Integers, event: int) -> None:
         """Let some motions strike: change their states and deviations in place."""

@@ -51,6 +51,31 @@ class Growth:
     smooth_error: Floats
 
 
+class Lengths:
+    """Logarithms of the lengths of deviations, which become short again at each section.
+
+    Parameters
+    ----------
+    motions, sections : int
+
+    Attributes
+    ----------
+    logs : array, shape (motion, section)
+    """
+
+    def __init__(self, motions: int, sections: int) -> None:
+        self.logs = np.zeros((motions, sections))
+        self._section = np.zeros(motions, dtype=np.int64)
+
+    def shorten(self, at: Integers, w: Floats, sizes: Floats) -> None:
+        """Note the lengths of some motions' deviations w, shape (motion, …), and make them one."""
+        before = self.logs[at, self._section[at]]
+        self._section[at] += 1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.logs[at, self._section[at]] = before + np.log(sizes)
+            w[at] /= sizes.reshape(-1, *[1] * (w.ndim - 1))
+
+
 class Exponents(ABC):
     """Computes the largest Lyapunov exponents of motions of one problem.
 

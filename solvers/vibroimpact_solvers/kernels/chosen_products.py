@@ -6,18 +6,10 @@ import math
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
-from vibroimpact_solvers.kernels.jit import bare, sums
+from vibroimpact_solvers.kernels.jit import bare
+from vibroimpact_solvers.kernels.sums import scalar_product
 
 FAST = 4.0  # radians of an interval in which a vibration may be anywhere
-
-
-@sums
-def _scalar_product(a: Floats, b: Floats) -> float:
-    """Return ``a . b``, whose rounding is counted by all that displacements are sums of."""
-    total = 0.0
-    for j in range(a.size):
-        total += a[j] * b[j]
-    return total
 
 
 @bare
@@ -26,7 +18,7 @@ def chosen_products(
 ) -> None:
     """Fill in ``rows[place] . forms[dof]``, shape (candidate,)."""
     for k in range(place.size):
-        out[k] = _scalar_product(rows[place[k]], forms[dof[k]])
+        out[k] = scalar_product(rows[place[k]], forms[dof[k]])
 
 
 @bare

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Flow, two_sum
-from vibroimpact_solvers.kernels.jit import inline, inner, kernel, product, sums
+from vibroimpact_solvers.kernels.jit import inline, inner, kernel, product
 from vibroimpact_solvers.kernels.orbit_peaks import raise_peaks
 from vibroimpact_solvers.kernels.orbits import (
     TRENDS,
@@ -25,6 +25,7 @@ from vibroimpact_solvers.kernels.orbits import (
     set_moving,
     set_rows,
 )
+from vibroimpact_solvers.kernels.sums import scalar_product
 
 LEAST: Final = 4.0
 """Panels of a free motion."""
@@ -70,15 +71,6 @@ def _add_squares(dofs: int, n: int, squares: Floats, room: Room) -> None:
         _add(squares, d, total[d])
 
 
-@sums
-def _scalar_product(a: Floats, b: Floats) -> float:
-    """Return ``a . b``, whose rounding is counted by all of the power (`periodic_motions`)."""
-    total = 0.0
-    for j in range(a.size):
-        total += a[j] * b[j]
-    return total
-
-
 @inner
 def _add_energies(e: Dissipation, frequency: int, n: int, sums: Sums, room: Room) -> None:
     """Add work of the load and losses by damping over n nodes, whose basis is used up."""
@@ -97,7 +89,7 @@ def _add_energies(e: Dissipation, frequency: int, n: int, sums: Sums, room: Room
         _drag(v, e.damping, dragged)
     work, flow, lost = 0.0, 0.0, 0.0
     for i in range(n if waves > 0 else 0):
-        power = room.weights[i] * _scalar_product(forces[i], v[i])
+        power = room.weights[i] * scalar_product(forces[i], v[i])
         work += power
         flow += abs(power)
     if e.damping.shape[0] > 0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import inner
+from vibroimpact_solvers.kernels.jit import inner, sums
 
 
 @inner
@@ -23,4 +23,13 @@ def folded(terms: Floats) -> float:
     total = 0.0
     for j in range(count):
         total += terms[j]
+    return total
+
+
+@sums
+def scalar_product(a: Floats, b: Floats) -> float:
+    """Return ``a . b``, whose rounding is counted by all that its terms are sums of."""
+    total = 0.0
+    for j in range(a.size):
+        total += a[j] * b[j]
     return total

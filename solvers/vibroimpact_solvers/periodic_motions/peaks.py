@@ -44,9 +44,8 @@ class _Motion:
     ----------
     phase, length : array, shape (free motion,)
     state : array, shape (free motion, 2, pair)
-    rates : array, shape (harmonic,)
-        Of the load.
     orders : array, shape (harmonic,)
+        Of the load.
     Omega : float
     forms : array, shape (dof, row)
     rates : tuple of two arrays

@@ -9,6 +9,14 @@ from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
 from vibroimpact_solvers.errors import STATUSES
+from vibroimpact_solvers.results.contacts import (
+    ContactConstraint,
+    ContactDuration,
+    ContactPhase,
+    ContactSide,
+    ContactVelocity,
+    contact,
+)
 from vibroimpact_solvers.results.shared import NEUTRAL, NO_YES, Dofs, Statement
 
 
@@ -43,10 +51,6 @@ def _attractor(column: str, unit: str, long_name: str, *dims: str, **rest: Any) 
 
 def _impact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
     return Quantity(("impact",), unit, long_name, path=f"impact/{column}", **rest)
-
-
-def _contact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
-    return Quantity(("contact",), unit, long_name, path=f"contact/{column}", **rest)
 
 
 def _section(column: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
@@ -213,69 +217,44 @@ class Result:
         _impact("velocity", "length time-1", "velocity of the coordinate before the impact",
                 error="error/impact/velocity"),
     ]  # fmt: skip
-    contact_attractor: Annotated[
-        Integers | None, _contact("attractor", "1", "row of its attractor")
-    ]
-    contact_constraint: Annotated[
-        Integers | None, _contact("constraint", "1", "index of the constraint")
-    ]
-    contact_side: Annotated[
-        Integers | None,
-        _contact("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1)),
-    ]
-    contact_phase: Annotated[
-        Floats | None,
-        _contact(
-            "phase", "1", "phase of the drive at its beginning, Omega t modulo 2 pi",
-            note="0 where the stop is loaded throughout", error="error/contact/phase",
-        ),
-    ]  # fmt: skip
+    contact_attractor: Annotated[Integers | None, contact("attractor", "1", "row of its attractor")]
+    contact_constraint: ContactConstraint
+    contact_side: ContactSide
+    contact_phase: ContactPhase
     contact_time: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "time", "time",
             "time of its beginning in the period of the attractor, which begins with x and v",
             error="error/contact/time",
         ),
     ]  # fmt: skip
-    contact_duration: Annotated[
-        Floats | None,
-        _contact(
-            "duration", "time", "how long the stop pushes",
-            note="the period where it is loaded throughout", error="error/contact/duration",
-        ),
-    ]  # fmt: skip
+    contact_duration: ContactDuration
     contact_impulse: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "impulse", "mass length time-1", "integral of the force of the stop",
             error="error/contact/impulse",
         ),
     ]  # fmt: skip
     contact_peak_force: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "peak_force", "mass length time-2", "largest force of the stop",
             error="error/contact/peak_force",
         ),
     ]  # fmt: skip
-    contact_velocity: Annotated[
-        Floats | None,
-        _contact(
-            "velocity", "length time-1", "velocity of the coordinate at its beginning",
-            error="error/contact/velocity", missing="the stop is loaded throughout",
-        ),
-    ]  # fmt: skip
+    contact_velocity: ContactVelocity
     contact_indentation: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "indentation", "length", "largest distance beyond the wall",
             error="error/contact/indentation",
         ),
     ]  # fmt: skip
     contact_start_indentation: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "start_indentation", "length", "distance beyond the wall at its beginning",
             note="positive where a stop with damping pushes again before its wall is left",
             missing="not confirmed, or the stop is loaded throughout",
@@ -284,7 +263,7 @@ class Result:
     ]  # fmt: skip
     contact_energy_lost: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "energy_lost", "mass length2 time-2", "energy that the contact loses",
             error="error/contact/energy_lost",
         ),

@@ -8,6 +8,14 @@ from enum import IntEnum
 from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
+from vibroimpact_solvers.results.contacts import (
+    ContactConstraint,
+    ContactDuration,
+    ContactPhase,
+    ContactSide,
+    ContactVelocity,
+    contact,
+)
 from vibroimpact_solvers.results.impact_modes import REASONS
 from vibroimpact_solvers.results.shared import EXISTS, NEUTRAL, NO_YES, ONE, WITHIN, Dofs, Statement
 
@@ -31,10 +39,6 @@ def _solution(column: str, unit: str, long_name: str, *dims: str, **rest: Any) -
 
 def _impact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
     return Quantity(("impact",), unit, long_name, path=f"impact/{column}", **rest)
-
-
-def _contact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
-    return Quantity(("contact",), unit, long_name, path=f"contact/{column}", **rest)
 
 
 def _error(of: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
@@ -247,66 +251,43 @@ class Result:
             error="error/impact/velocity",
         ),
     ]  # fmt: skip
-    contact_solution: Annotated[Integers | None, _contact("solution", "1", "row of its solution")]
-    contact_constraint: Annotated[
-        Integers | None, _contact("constraint", "1", "index of the constraint")
-    ]
-    contact_side: Annotated[
-        Integers | None,
-        _contact("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1)),
-    ]
-    contact_phase: Annotated[
-        Floats | None,
-        _contact(
-            "phase", "1", "phase of the drive at its beginning, Omega t modulo 2 pi",
-            note="0 where the stop is loaded throughout", error="error/contact/phase",
-        ),
-    ]  # fmt: skip
+    contact_solution: Annotated[Integers | None, contact("solution", "1", "row of its solution")]
+    contact_constraint: ContactConstraint
+    contact_side: ContactSide
+    contact_phase: ContactPhase
     contact_time: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "time", "time", "time of its beginning in the period of the motion, from phase 0",
             error="error/contact/time",
         ),
     ]  # fmt: skip
-    contact_duration: Annotated[
-        Floats | None,
-        _contact(
-            "duration", "time", "how long the stop pushes",
-            note="the period where it is loaded throughout", error="error/contact/duration",
-        ),
-    ]  # fmt: skip
+    contact_duration: ContactDuration
     contact_impulse: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "impulse", "mass length time-1", "integral of the force of the stop",
             error="error/contact/impulse", **_UNBOUNDED,
         ),
     ]  # fmt: skip
     contact_peak_force: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "peak_force", "mass length time-2", "largest force of the stop",
             error="error/contact/peak_force", **_UNBOUNDED,
         ),
     ]  # fmt: skip
-    contact_velocity: Annotated[
-        Floats | None,
-        _contact(
-            "velocity", "length time-1", "velocity of the coordinate at its beginning",
-            error="error/contact/velocity", missing="the stop is loaded throughout",
-        ),
-    ]  # fmt: skip
+    contact_velocity: ContactVelocity
     contact_indentation: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "indentation", "length", "largest distance beyond the wall",
             error="error/contact/indentation", **_UNBOUNDED,
         ),
     ]  # fmt: skip
     contact_start_indentation: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "start_indentation", "length", "distance beyond the wall at its beginning",
             note="positive where a stop with damping pushes again before its wall is left",
             missing="the stop is loaded throughout", error="error/contact/start_indentation",
@@ -314,7 +295,7 @@ class Result:
     ]  # fmt: skip
     contact_energy_lost: Annotated[
         Floats | None,
-        _contact(
+        contact(
             "energy_lost", "mass length2 time-2", "energy that the contact loses",
             error="error/contact/energy_lost", **_UNBOUNDED,
         ),
