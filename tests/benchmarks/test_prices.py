@@ -57,6 +57,22 @@ def test_methods_that_the_examples_of_all_kinds_use_are_measured() -> None:
     assert unmeasured <= UNMEASURED
 
 
+def test_methods_of_motions_with_stops_that_yield_are_measured() -> None:
+    """No example has them; a method that is renamed would lose its rate in silence."""
+    spring = {"type": "linear", "stiffness": 10.0}
+    system = {
+        "preset": "oscillator", "Omega0": 1.0, "zeta": 0.1,
+        "constraints": [{"dof": 0, "gap": {"lower": None, "upper": 0.1}, "law": spring}],
+    }  # fmt: skip
+    request = {
+        "system": system, "load": [{"dof": 0, "amplitude": 1.0}], "frequency": [0.8],
+    }  # fmt: skip
+    plan = planned(Case("periodic-motions", "", request)).plan
+    names = {step.rate_name("periodic-motions") for step in plan.steps if step.flops}
+    assert "periodic-motions: impulse, isolation of durations" in names
+    assert names <= rates.RATES.keys()
+
+
 UNMEASURED = {
     "spectrum, static condensation",
     "time-history: free_motion, exact between impacts, in extended precision where needed",
