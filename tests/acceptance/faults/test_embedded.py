@@ -85,7 +85,8 @@ def test_killed_service(
         Replica(tmp_path / "data", record, on_submission_seconds=on_submission_seconds[0])
     )
     user = User([replica])
-    user.submit(sweep(0.6, 80_000), *(tiny(0.7 + i / 100) for i in range(10)))
+    # Long enough to outlast three restarts on a machine that is busy with other tests.
+    user.submit(sweep(0.6, 320_000), *(tiny(0.7 + i / 100) for i in range(10)))
     first = machine.seconds(moment, until(record.begun, "nothing begins")[0].time)
     seconds = []
     for round_ in range(3):
