@@ -35,6 +35,15 @@ def test_solutions_are_those_of_dense_factors(placed: bool) -> None:
         cholesky.Factors(model.K - 1e9 * sparse.eye_array(n), last)
 
 
+def test_all_degrees_of_freedom_may_come_last() -> None:
+    free = solid(9, 6, 4)
+    K = free.K + 1e6 * free.M
+    f = np.random.default_rng(1).normal(size=K.shape[0])
+    factors = cholesky.Factors(K, np.arange(K.shape[0]))
+    expected = scipy.linalg.solve(K.toarray(), f, assume_a="pos")
+    np.testing.assert_allclose(factors.solve(f), expected, rtol=0, atol=1e-9 * abs(expected).max())
+
+
 def test_parts_are_behind_those_they_separate() -> None:
     model = solid(9, 6, 4)
     parts = dissection.parts(model.K, model.places)

@@ -38,6 +38,21 @@ def beam(elements: int, *, lumped: bool = False) -> vi.Model:
     return vi.Model(M, K, labels=labels)
 
 
+def test_degrees_of_freedom_to_keep_may_be_numbers() -> None:
+    K = np.diag(np.full(30, 2.0)) - np.diag(np.ones(29), 1) - np.diag(np.ones(29), -1)
+    model = vi.Model(np.eye(30), K)
+    numbered, labelled = (
+        vi.reduce(model, [7, np.int64(3)], 2),
+        vi.reduce(model, [(3, "x"), (7, "x")], 2),
+    )
+    np.testing.assert_array_equal(numbered.model.K.toarray(), labelled.model.K.toarray())
+    with pytest.raises(ValueError, match="no node 30"):
+        vi.reduce(model, [30])
+    # Nodes and rows of a model with nodes are not the same: a number alone is refused, and named.
+    with pytest.raises(TypeError, match=r"not 4$"):
+        vi.reduce(beam(8), [4, 5, 6])
+
+
 def truss(rng: np.random.Generator, nodes: int = 12) -> vi.Model:
     """Return a free body: masses in space, each joined to all others by springs."""
     points = rng.normal(size=(nodes, 3))

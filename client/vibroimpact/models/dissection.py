@@ -50,6 +50,8 @@ def parts(A: Any, places: Array | None) -> Parts:
     places : array, shape (n, dimension), optional
         Where each row lies; default: by the graph of A.
     """
+    if A.shape[0] == 0:  # all degrees of freedom are kept
+        return Parts([], [])
     node_of, graph = _graph(A)
     if places is None:
         at = _distances(graph)

@@ -99,11 +99,10 @@ class Model:
         """Return its size and what is known of it."""
         nodes = len({node for node, _ in self.labels})
         directions = ", ".join(dict.fromkeys(each for _, each in self.labels))
-        numbered = self.labels == tuple((index, "x") for index in range(self.n))
         known = [
             f"{self.n} degrees of freedom",
             "counted from 0, without nodes and directions"
-            if numbered and not self.coordinates
+            if self.numbered
             else f"{nodes} nodes ({directions})",
         ]
         known += ["with damping"] if self.C is not None else []
@@ -115,6 +114,12 @@ class Model:
     def n(self) -> int:
         """Number of degrees of freedom."""
         return int(self.M.shape[0])
+
+    @cached_property
+    def numbered(self) -> bool:
+        """Whether degrees of freedom are only counted, from 0: it has no nodes and directions."""
+        numbers = tuple((index, "x") for index in range(self.n))
+        return self.labels == numbers and not self.coordinates
 
     def dof(self, node: int, direction: str = "x") -> int:
         """Return the index of a degree of freedom.

@@ -15,6 +15,7 @@ freedom are orthogonal to them in M.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import cast
 
 import numpy as np
 import scipy.linalg
@@ -54,7 +55,7 @@ def condense(model: Model) -> Reduction:
 
 def reduce(
     model: Model,
-    keep: Iterable[Label],
+    keep: Iterable[Label | int],
     modes: int = 0,
     compare: int | None = None,
     rigid: int | None = None,
@@ -69,8 +70,9 @@ def reduce(
     ----------
     model : Model
         The whole model.
-    keep : iterable of (int, str)
-        Labels of the degrees of freedom to keep: those with limiters and loads.
+    keep : iterable of (int, str) or of int
+        Labels of the degrees of freedom to keep: those with limiters and loads. Of a model without
+        nodes their numbers, counted from 0.
     modes : int
         How many of the lowest elastic modes with these held fixed are added (Craig and Bampton);
         0 is Guyan's reduction.
@@ -93,13 +95,20 @@ def reduce(
     UserWarning
         If K nearly has more rigid-body modes than it has to rounding.
     """
-    given = list(keep)
-    if any(isinstance(label, str) or np.shape(label) != (2,) for label in given):
-        raise TypeError(f'keep must be pairs such as (17, "z"), node and direction, not {given}')
-    kept = np.array(sorted({model.dof(*label) for label in given}), dtype=np.int64)
+    kept = np.array(sorted({_row(model, label) for label in keep}), dtype=np.int64)
     if kept.size + modes > model.n:
         raise ValueError(f"{kept.size} kept and {modes} modes are more than {model.n}")
     return _reduced(model, kept, modes, compare, rigid)
+
+
+def _row(model: Model, label: Label | int) -> int:
+    """Return the row of a degree of freedom that is to be kept."""
+    if model.numbered and isinstance(label, int | np.integer):
+        return model.dof(int(label))
+    if isinstance(label, str) or np.shape(label) != (2,):
+        raise TypeError(f'keep must be pairs such as (17, "z"), node and direction, not {label!r}')
+    node, direction = cast("Label", label)
+    return model.dof(node, direction)
 
 
 def _reduced(
