@@ -69,7 +69,8 @@ def number(base: Any, text: str) -> Varying:
         step = _step(here, part)
         if step is None:
             where = ".".join(map(str, path)) or "the base"
-            message = f"there is no {part!r} in {where}{_meant(base, text)}"
+            absent = "; it is not given" if here is None else ""
+            message = f"there is no {part!r} in {where}{absent}{_meant(base, text)}"
             raise ModelError(("path",), message, code="unknown_path")
         path = (*path, step)
         here = _get(here, step)

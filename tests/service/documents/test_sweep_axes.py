@@ -56,6 +56,7 @@ class TestPaths:
             ("system.constraints.1.gap", "unknown_path", "no '1' in system.constraints"),
             ("sistem.K.0.0", "unknown_path", "no 'sistem' in the base"),
             ("system.K.0.0.0", "unknown_path", "no '0' in system.K.0.0"),
+            ("system.force.0", "unknown_path", "no '0' in system.force; it is not given"),
             ("system.K.0", "not_a_number", "a list"),
             ("system.constraints.0.gap", "not_a_number", "an object"),
             ("system.units", "not_a_number", "null"),
