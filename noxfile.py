@@ -244,7 +244,8 @@ def many_faults(session: nox.Session) -> None:
 def _faults(session: nox.Session, **environment: str) -> None:
     install_locked(session)
     session.run(
-        *("pytest", "-n", "4", "--dist", "loadgroup", "-m", "faults", "-rfsP", "--durations", "8"),
+        *("pytest", "-n", "4", "--dist", "loadgroup", "--loadscope-reorder"),
+        *("-m", "faults", "-rfsP", "--durations", "8"),
         *("--timeout", "900"),  # where the machine does other things
         *("tests/acceptance/faults", *session.posargs),
         env=environment,

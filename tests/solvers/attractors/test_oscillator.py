@@ -202,7 +202,7 @@ def test_without_amplitude_everything_comes_to_rest() -> None:
 
 
 def test_motions_that_rest_at_the_wall_are_periodic_without_exponent() -> None:
-    result = solved(0.5, gap=-0.5, system=system(k=0.3, gap=-0.5))
+    result = solved(0.5, count=3, gap=-0.5, system=system(k=0.3, gap=-0.5))
     assert result.attractor_nature.tolist() == [Nature.PERIODIC]
     assert result.attractor_rests.all()
     assert np.isnan(result.attractor_exponent).all()
