@@ -310,8 +310,7 @@ def could_hide(limiters: Limiters, branches: Any, order: int) -> bool:
     for i in range(limiters.laws.size):
         steep = order <= limiters.laws[i].exponent + 2.0
         hidden = hidden or (
-            steep
-            and abs(branches[i].powers[Q, SECOND]) > 0.3 * abs(branches[i].powers[Q, FIRST])
+            steep and abs(branches[i].powers[Q, SECOND]) > 0.3 * abs(branches[i].powers[Q, FIRST])
         )
     return hidden
 

@@ -344,6 +344,9 @@ def _steps(
             stop = 3
             break
         scale = _largest(linear.pairs, z)
+        if scale == 0.0:  # from rest at the zero of the state, by a constant load
+            for j in range(linear.pairs.size):
+                scale = max(scale, h * linear.pairs[j].weight * abs(linear.pairs[j].push))
         step = Step(h, scale, error * scale, spread)
         reach = begin(limiters, branches, z, order, step)
         last = _coefficients(linear, limiters, work, z, order, h)
@@ -430,6 +433,4 @@ def follow(
         inverse[k] = 1.0 / k
     branches = np.zeros(limiters.laws.size, BRANCH)
     work = _Work(np.zeros((terms, 2, n)), np.zeros((2, n)), inverse, branches)
-    return _steps(
-        linear, limiters, work, error, output_times, progress, z, lost, samples, contacts
-    )
+    return _steps(linear, limiters, work, error, output_times, progress, z, lost, samples, contacts)

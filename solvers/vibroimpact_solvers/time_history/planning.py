@@ -58,6 +58,7 @@ class Method(StrEnum):
     TAYLOR = "Taylor series"
     INTEGRATED = "integrator of scipy"
     SWITCHED = "exact between switchings of stops"
+    POWERED = "Taylor series between switchings of stops"
     EXTENDED = "exact between impacts, in extended precision where needed"
 
 
@@ -234,7 +235,7 @@ def _powered_step(problem: Problem, turns: float) -> Step:
     # Two runs of a step in a radian or so of the fastest mode, and some hundred in a contact.
     steps = 2.0 * (20.0 + turns + 100.0 * contacts)
     flops = steps * (1e3 + 60.0 * n + walls * (500.0 + 40.0 * n))
-    return Step(Stage.FREE_MOTION, Method.TAYLOR, reason, flops, 400.0 * contacts, bounded=False)
+    return Step(Stage.FREE_MOTION, Method.POWERED, reason, flops, 400.0 * contacts, bounded=False)
 
 
 def _in_motion(problem: Problem) -> float:

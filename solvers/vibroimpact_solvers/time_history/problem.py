@@ -262,12 +262,13 @@ class Problem:
             )
             raise ModelError(("system", "constraints", 0, "law"), message, code="too_large")
         rigid = next((i for i, c in enumerate(constraints) if c.law.rigid), None)
-        dashpot = next((i for i, c in enumerate(constraints) if c.law.lossy), None)
+        lossy = (i for i, c in enumerate(constraints) if c.law.lossy and not c.law.rigid)
+        dashpot = next(lossy, None)
         if self.powered and dashpot is not None:
-            message = (
-                "linear stops beside hertz or power ones are computed without damping only"
+            message = "linear stops beside hertz or power ones are computed without damping only"
+            raise ModelError(
+                ("system", "constraints", dashpot, "law"), message, code="not_possible"
             )
-            raise ModelError(("system", "constraints", dashpot, "law"), message, code="not_possible")
         if rigid is not None:
             message = (
                 "rigid stops beside stops of finite stiffness are not computed: all are rigid, or "

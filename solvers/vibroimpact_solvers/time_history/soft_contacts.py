@@ -64,7 +64,7 @@ def table(structure: Structure, laws: PowerStops, run: SoftRun, t_end: float) ->
     if run.distance is None:
         return values
     off, fast = (each[wall] for each in _of_walls(structure, laws, run))
-    errors = _errors(phases, scale, (off, fast), k, n)
+    errors = _errors(phases, scale, stop, (off, fast), (k, n))
     errors["stop"] = np.where(going, LEAST, errors["stop"])
     for name, error in errors.items():
         at = start if name in {"start", "rest", "velocity"} else stop
@@ -83,10 +83,17 @@ def _of_walls(structure: Structure, laws: PowerStops, run: SoftRun) -> tuple[Flo
 
 
 def _errors(
-    phases: Rows, scale: float, off_and_fast: tuple[Floats, Floats], k: Floats, n: Floats
+    phases: Rows,
+    scale: float,
+    stop: Floats,
+    known: tuple[Floats, Floats],
+    powers: tuple[Floats, Floats],
 ) -> dict[str, Floats]:
-    """Return the errors of the columns of contacts, each shape (contact,)."""
-    (off, fast), deep = off_and_fast, phases["deepest"]
+    """Return the errors of the columns of contacts, each shape (contact,).
+
+    Known is to what the coordinates and their rates are, powers are stiffnesses and exponents.
+    """
+    (off, fast), (k, n), deep = known, powers, phases["deepest"]
     bends = scale**2 * np.abs(phases["bend"]), scale**2 * np.abs(phases["bend_at_stop"])
     speeds = scale * np.abs(phases["velocity"]), scale * np.abs(phases["leaving"])
     sure = (deep > off) | (phases["start"] == 0.0)
@@ -100,8 +107,8 @@ def _errors(
         for speed, bend in zip(speeds, bends, strict=True)
     )
     early = np.where(phases["start"] == 0.0, 0.0, early)
-    start, stop = phases["start"] / scale, phases["stop"] / scale
-    lasts = np.nan_to_num(stop - start, nan=0.0)
+    start = phases["start"] / scale
+    lasts = stop - start
     with np.errstate(over="ignore", invalid="ignore"):
         force = k * ((deep + off) ** n - deep**n) + _ROUNDED * n * _EPS * k * deep**n
         impulse = force * lasts + _ROUNDED * n * _EPS * np.abs(scale * phases["impulse"])
@@ -112,7 +119,7 @@ def _errors(
     return {
         "start": early + _EPS * start,
         "rest": early + _EPS * start,
-        "stop": late + _EPS * np.nan_to_num(stop, nan=0.0),
+        "stop": late + _EPS * stop,
         "velocity": fast + np.where(early < np.inf, turned, touched),
         "impulse": impulse,
         "peak_force": force,

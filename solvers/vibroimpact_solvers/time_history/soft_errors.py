@@ -123,7 +123,9 @@ def stated(
         each[known] = _of_energy(problem, structure, laws, (x[known], v[known]), (dx, dv, dy))
     if "force" in outputs:
         error = np.full((x.shape[0], len(structure.W)), np.inf)
-        error[known] = _of_forces(laws, x[known] @ structure.W.T, off(structure.W @ structure.shapes)[0])
+        error[known] = _of_forces(
+            laws, x[known] @ structure.W.T, off(structure.W @ structure.shapes)[0]
+        )
         values["error_force"] = error
     return values
 

@@ -127,9 +127,7 @@ class PowerStops:
     def kernel(self, structure: Structure, scene: Configuration, *, off: bool) -> Limiters:
         """Return the walls for `kernels.taylor.follow`; off: by the roundings of their kicks."""
         turned = self.side[:, np.newaxis, np.newaxis]
-        forms, slopes, kicks = (
-            turned * part[self.constraint] for part in scene.kernel.watched[:3]
-        )
+        forms, slopes, kicks = (turned * part[self.constraint] for part in scene.kernel.watched[:3])
         laws = np.zeros(self.side.size, LAW)
         laws["level"] = self.indentations(structure.level(scene))
         laws["above"] = -self.stiffness * math.ldexp(1.0, -2 * structure.exponent)

@@ -231,4 +231,5 @@ _METHODS: Final = {
     Method.MODAL: _exact,
     Method.SWITCHED: _switched,
     Method.TAYLOR: _soft,
+    Method.POWERED: _soft,
 }
