@@ -41,7 +41,8 @@ PHASE: Final = record(
 @inline
 def is_touched(law: Any, now: Any) -> bool:
     """Return whether a coordinate is beyond the wall of a stop that pushes."""
-    return now.side > 0.0 and law.above != 0.0
+    touched: bool = now.side > 0.0 and law.above != 0.0
+    return touched
 
 
 @inner
@@ -92,7 +93,8 @@ def note_switchings(
 @inner
 def _largest(u: Floats, last: int, s: float) -> float:
     """Return the largest value of a series in [0, s]."""
-    best, at = u[FIRST], 0.0
+    best: float = u[FIRST]
+    at = 0.0
     for node in range(1, _NODES + 1):
         t = s * node / _NODES
         value = summed(u, last, t)
@@ -116,7 +118,8 @@ def _integral(force: Floats, last: int, s: float) -> float:
     total = 0.0
     for k in range(last, -1, -1):
         total = fma(total, s, force[k] / (k + 1))
-    return total * s
+    integral: float = total * s
+    return integral
 
 
 @inner
@@ -127,7 +130,8 @@ def _faint_integral(u: Floats, last: int, s: float, law: Any) -> float:
         weight = 1.0 if node in (0, _NODES) else 2.0 * (1 + node % 2)
         q = max(summed(u, last, s * node / _NODES), 0.0)
         total += weight * size_of(q, law.exponent, law.whole)
-    return law.above * total * s / (3.0 * _NODES)
+    integral: float = law.above * total * s / (3.0 * _NODES)
+    return integral
 
 
 @inner
