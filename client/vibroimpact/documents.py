@@ -996,7 +996,10 @@ class RigidLimiter(TypedDict):
 
 
 class PowerLimiter(TypedDict):
-    """Soft limiters: the force -stiffness (y / (scale gap))^exponent on each coordinate."""
+    """Soft limiters: the force -stiffness (y / (scale gap))^exponent on each coordinate.
+
+    It acts from y = 0 on; the law of a constraint acts from its gap on.
+    """
 
     law: Literal["power"]
     exponent: NotRequired[float]
@@ -1175,7 +1178,7 @@ class Constraint(TypedDict):
     """Distance to the walls from the coordinate's zero (length)."""
     restitution: NotRequired[float]
     """Newton's coefficient of restitution of a rigid stop; 1 is elastic. Default: 1.0."""
-    law: NotRequired[RigidLaw | LinearLaw | None]
+    law: NotRequired[RigidLaw | LinearLaw | HertzLaw | PowerLaw | None]
     """What the stop does beyond its wall; absent: it is rigid. A stop with a law has no
     restitution beside it.
     """
@@ -1250,6 +1253,27 @@ class LinearLaw(TypedDict):
     """c, force by velocity; absent: none."""
     restitution: NotRequired[float | None]
     """Ratio of the speeds after and before a contact, instead of the damping."""
+
+
+class HertzLaw(TypedDict):
+    """An elastic contact of curved surfaces: the force is k d^(3/2).
+
+    d is the indentation.
+    """
+
+    type: Literal["hertz"]
+    stiffness: float
+    """k, force by length^(3/2)."""
+
+
+class PowerLaw(TypedDict):
+    """An elastic stop whose force grows with a power of the indentation d: it is k d^n."""
+
+    type: Literal["power"]
+    stiffness: float
+    """k, force by length^n."""
+    exponent: float
+    """n; 1 is a spring, 1.5 the law of Hertz."""
 
 
 class Job(TypedDict):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from vibroimpact.arguments import integer, integers, number
 
@@ -19,6 +19,8 @@ def constraint(
     direction: Mapping[int, float] | None = None,
     stiffness: float | None = None,
     damping: float | None = None,
+    law: Literal["linear", "hertz", "power"] = "linear",
+    exponent: float | None = None,
 ) -> documents.Constraint:
     """Return the document of a stop: rigid, or with a stiffness.
 
@@ -38,12 +40,19 @@ def constraint(
         Force by length beyond the wall; absent: the stop is rigid.
     damping : float, optional
         Force by velocity there; the force of the stop never pulls.
+    law : str
+        Of a stop with a stiffness k and the indentation d: ``"linear"``, k d and its damping;
+        ``"hertz"``, k d^(3/2); ``"power"``, k d^n.
+    exponent : float, optional
+        n of the power law.
 
     Examples
     --------
     >>> from vibroimpact import constraint
     >>> constraint(0, gap=0.1, stiffness=1e4, damping=2.0)["law"]
     {'type': 'linear', 'stiffness': 10000.0, 'damping': 2.0}
+    >>> constraint(0, gap=0.1, stiffness=1e6, law="hertz")["law"]
+    {'type': 'hertz', 'stiffness': 1000000.0}
     """
     limits: Any = gap
     if isinstance(limits, tuple | list) and len(limits) == 2:
@@ -53,7 +62,9 @@ def constraint(
         )
     limits = dict(limits) if isinstance(limits, Mapping) else number("gap", limits)
     document: documents.Constraint = {"gap": limits}
-    if stiffness is not None:
+    if law != "linear" or exponent is not None:
+        document["law"] = _grown(law, stiffness, exponent, damping, restitution)
+    elif stiffness is not None:
         document["law"] = _linear(stiffness, damping, restitution)
     elif damping is not None:
         raise ValueError("a stop with a damping needs a stiffness, which may be 0")
@@ -79,6 +90,31 @@ def _linear(
     if restitution is not None:
         law["restitution"] = number("restitution", restitution)
     return law
+
+
+def _grown(
+    law: str,
+    stiffness: float | None,
+    exponent: float | None,
+    damping: float | None,
+    restitution: float | None,
+) -> documents.HertzLaw | documents.PowerLaw:
+    """Return the document of a law whose force grows with a power of the indentation."""
+    if law not in ("hertz", "power"):
+        raise ValueError(f'an exponent belongs to the law "power", not to {law!r:.60}')
+    if stiffness is None:
+        raise ValueError(f"a stop with the law {law!r} needs a stiffness")
+    if damping is not None or restitution is not None:
+        raise ValueError(f"a stop with the law {law!r} loses no energy: no damping, no restitution")
+    if (exponent is None) != (law == "hertz"):
+        raise ValueError('the law "power" needs an exponent, and "hertz" has that of 3/2')
+    if exponent is None:
+        return {"type": "hertz", "stiffness": number("stiffness", stiffness)}
+    return {
+        "type": "power",
+        "stiffness": number("stiffness", stiffness),
+        "exponent": number("exponent", exponent),
+    }
 
 
 def has_stiff_stops(system: Mapping[str, Any]) -> bool:

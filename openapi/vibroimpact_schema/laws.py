@@ -42,18 +42,42 @@ class LinearLaw(Document):
         return self
 
 
+class HertzLaw(Document):
+    """An elastic contact of curved surfaces: the force is k d^(3/2).
+
+    d is the indentation.
+    """
+
+    type: Literal["hertz"]
+    stiffness: NonNegative = Field(description="k, force by length^(3/2).")
+
+
+class PowerLaw(Document):
+    """An elastic stop whose force grows with a power of the indentation d: it is k d^n."""
+
+    type: Literal["power"]
+    stiffness: NonNegative = Field(description="k, force by length^n.")
+    exponent: Annotated[Number, Field(ge=1, le=64)] = Field(
+        description="n; 1 is a spring, 1.5 the law of Hertz."
+    )
+
+
 def _tag(value: Any) -> str | None:
     """Return the tag of a law, raw or validated."""
     given = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
     # Anything may be given there, also what has no hash.
-    return f"@{given}" if given in ("rigid", "linear") else None
+    return f"@{given}" if given in ("rigid", "linear", "hertz", "power") else None
 
 
 Law = Annotated[
-    Annotated[RigidLaw, Tag("@rigid")] | Annotated[LinearLaw, Tag("@linear")],
+    Annotated[RigidLaw, Tag("@rigid")]
+    | Annotated[LinearLaw, Tag("@linear")]
+    | Annotated[HertzLaw, Tag("@hertz")]
+    | Annotated[PowerLaw, Tag("@power")],
     Discriminator(
         _tag,
         custom_error_type="law_type",
-        custom_error_message='a law is an object with the type "rigid" or "linear"',
+        custom_error_message='a law is an object with the type "rigid", "linear", "hertz" '
+        'or "power"',
     ),
 ]

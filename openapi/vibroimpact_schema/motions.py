@@ -279,7 +279,10 @@ class RigidLimiter(Document):
 
 
 class PowerLimiter(Document):
-    """Soft limiters: the force -stiffness (y / (scale gap))^exponent on each coordinate."""
+    """Soft limiters: the force -stiffness (y / (scale gap))^exponent on each coordinate.
+
+    It acts from y = 0 on; the law of a constraint acts from its gap on.
+    """
 
     law: Literal["power"]
     exponent: Annotated[Number, Field(ge=1)] = Field(17.0, description="At least 1.")

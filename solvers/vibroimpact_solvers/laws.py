@@ -14,7 +14,7 @@ its force acts, and *released* while the coordinate is beyond the wall without a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Protocol
 
@@ -22,6 +22,8 @@ from vibroimpact_solvers.errors import ModelError
 
 LARGEST: Final = 1e100
 """Largest stiffness and damping: squares of their rates stay within double precision."""
+STEEPEST: Final = 64.0
+"""Largest exponent of a power law: up to there a series of whole powers is made by products."""
 _STEPS: Final = 200  # halvings of an interval of damping ratios
 
 
@@ -128,6 +130,61 @@ class Linear:
         return 2.0 * damping_ratio(self.restitution) * math.sqrt(self.stiffness * mass)
 
 
+@dataclass(frozen=True, slots=True)
+class Hertz:
+    """An elastic contact of curved surfaces: ``F = k d^(3/2)`` for an indentation d > 0.
+
+    Parameters
+    ----------
+    stiffness : float
+        k, force per length^(3/2), at least 0.
+    """
+
+    name: ClassVar[str] = "hertz"
+    rigid: ClassVar[bool] = False
+    lossy: ClassVar[bool] = False
+    exponent: ClassVar[float] = 1.5
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        _check_stiffness(self.stiffness)
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """An elastic stop with the force ``F = k d^n`` for an indentation d > 0.
+
+    Parameters
+    ----------
+    stiffness : float
+        k, force per length^n, at least 0.
+    exponent : float
+        n, from 1 to `STEEPEST`.
+    """
+
+    name: ClassVar[str] = "power"
+    rigid: ClassVar[bool] = False
+    lossy: ClassVar[bool] = False
+    stiffness: float
+    exponent: float
+
+    def __post_init__(self) -> None:
+        _check_stiffness(self.stiffness)
+        if not 1.0 <= self.exponent <= STEEPEST:
+            message = f"the exponent is {self.exponent!r}, not between 1 and {STEEPEST:g}"
+            raise ModelError(("exponent",), message, code="out_of_range")
+
+
+def _check_stiffness(stiffness: float) -> None:
+    if not 0.0 <= stiffness <= LARGEST:
+        message = f"the stiffness is {stiffness!r}, not between 0 and {LARGEST}"
+        raise ModelError(("stiffness",), message, code="out_of_range")
+
+
+POWERS: Final = frozenset({Hertz.name, Power.name})
+"""Names of the laws whose motions are not linear while a stop pushes."""
+
+
 def restitution_of(ratio: float) -> float:
     """Return the restitution of a free mass at a linear stop with a damping ratio.
 
@@ -160,8 +217,8 @@ def damping_ratio(restitution: float) -> float:
 
 
 OFFERED: Final[dict[str, frozenset[str]]] = {
-    "time-history": frozenset({Rigid.name, Linear.name}),
-    "ensemble": frozenset({Rigid.name, Linear.name}),
+    "time-history": frozenset({Rigid.name, Linear.name, *POWERS}),
+    "ensemble": frozenset({Rigid.name, Linear.name, *POWERS}),
     "periodic-motions": frozenset({Rigid.name, Linear.name}),
     "attractors": frozenset({Rigid.name, Linear.name}),
 }
@@ -184,11 +241,16 @@ def require(kind: str, constraints: Sequence[Any]) -> None:
     offered = OFFERED.get(kind, frozenset({Rigid.name}))
     for index, constraint in enumerate(constraints):
         if constraint.law.name not in offered:
-            *first, last = (other for other in OFFERED if constraint.law.name in OFFERED[other])
-            others = " and ".join([", ".join(first), last] if first else [last])
+            others = [other for other in OFFERED if constraint.law.name in OFFERED[other]]
             message = (
-                f"{kind} is computed with {' and '.join(sorted(offered))} stops; constraint "
-                f"{index} has a {constraint.law.name} one, which is offered by {others}"
+                f"{kind} is computed with {_listed(offered)} stops; constraint "
+                f"{index} has a {constraint.law.name} one, which is offered by {_listed(others)}"
             )
             pointer = ("system", "constraints", index, "law")
             raise ModelError(pointer, message, code="law_not_offered")
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Return names as text; those of a set in their order."""
+    *first, last = sorted(names) if isinstance(names, frozenset) else names
+    return " and ".join([", ".join(first), last] if first else [last])

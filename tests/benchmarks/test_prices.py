@@ -67,6 +67,13 @@ def test_methods_of_motions_with_stops_that_yield_are_measured() -> None:
     request = {
         "system": system, "load": [{"dof": 0, "amplitude": 1.0}], "frequency": [0.8],
     }  # fmt: skip
+    hertz = {"type": "hertz", "stiffness": 10.0}
+    struck = system | {"constraints": [{"dof": 0, "gap": 0.1, "law": hertz}]}
+    start = {"system": struck, "initial": {"x": [0.0], "v": [1.0]}, "t_end": 9.0}
+    plan = planned(Case("time-history", "", start)).plan
+    names = {step.rate_name("time-history") for step in plan.steps if step.flops}
+    assert any("switchings" in name for name in names)
+    assert names <= rates.RATES.keys()
     plan = planned(Case("periodic-motions", "", request)).plan
     names = {step.rate_name("periodic-motions") for step in plan.steps if step.flops}
     assert "periodic-motions: impulse, isolation of durations" in names

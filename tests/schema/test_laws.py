@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from vibroimpact_schema.laws import LinearLaw
+from vibroimpact_schema.laws import HertzLaw, LinearLaw, PowerLaw
 from vibroimpact_schema.systems import Constraint
 
 
@@ -15,7 +15,7 @@ from vibroimpact_schema.systems import Constraint
 def test_a_type_that_is_none_is_refused(kind: Any) -> None:
     """One without a hash, such as an object, ended in an internal error."""
     law = {"type": kind, "stiffness": 1.0}
-    with pytest.raises(ValidationError, match='with the type "rigid" or "linear"'):
+    with pytest.raises(ValidationError, match='"rigid", "linear", "hertz" or "power"'):
         Constraint.model_validate({"dof": 0, "gap": 1.0, "law": law})
 
 
@@ -24,3 +24,16 @@ def test_a_law_is_read() -> None:
     law = Constraint.model_validate(document).law
     assert isinstance(law, LinearLaw)
     assert law.stiffness == 2.0
+
+
+def test_laws_of_powers_are_read() -> None:
+    hertz, power = (
+        Constraint.model_validate({"dof": 0, "gap": 1.0, "law": law}).law
+        for law in (
+            {"type": "hertz", "stiffness": 2.0},
+            {"type": "power", "stiffness": 3.0, "exponent": 2.5},
+        )
+    )
+    assert isinstance(hertz, HertzLaw)
+    assert isinstance(power, PowerLaw)
+    assert (hertz.stiffness, power.stiffness, power.exponent) == (2.0, 3.0, 2.5)

@@ -72,6 +72,16 @@ def test_a_sweep_over_the_stiffness_is_its_points_alone() -> None:
          "/system/constraints/0/law"),
         ({"law": {"type": "linear", "stiffness": 1}, "restitution": 0.5}, "/system/constraints/0"),
         ({"law": {"type": "soft"}}, "/system/constraints/0/law"),
+        ({"law": {"type": "hertz"}}, "/system/constraints/0/law/stiffness"),
+        ({"law": {"type": "hertz", "stiffness": 1, "exponent": 2}},
+         "/system/constraints/0/law/exponent"),
+        ({"law": {"type": "hertz", "stiffness": -1}}, "/system/constraints/0/law/stiffness"),
+        ({"law": {"type": "hertz", "stiffness": 1e300}}, "/system/constraints/0/law/stiffness"),
+        ({"law": {"type": "power", "stiffness": 1}}, "/system/constraints/0/law/exponent"),
+        ({"law": {"type": "power", "stiffness": 1, "exponent": 0.5}},
+         "/system/constraints/0/law/exponent"),
+        ({"law": {"type": "power", "stiffness": 1, "exponent": 1e9}},
+         "/system/constraints/0/law/exponent"),
         ({"law": {"type": "rigid", "restitution": 2}}, "/system/constraints/0/law/restitution"),
     ],
 )  # fmt: skip
@@ -141,3 +151,64 @@ def test_motions_with_several_contacts() -> None:
         structure, [2.9], load, periods=2, sequence=twice
     ))  # fmt: skip
     assert "newton in switchings" in [step["method"] for step in plan["steps"]]
+
+
+@pytest.mark.needs("compiled kernels")
+def test_laws_of_powers_in_requests(tmp_path: Path) -> None:
+    """The default request, from a file and again, and as points of a sweep and of an ensemble."""
+    local, outputs = vi.Local(), ["x", "force", "contacts"]
+    hertz = vi.chain(3, [vi.constraint(0, 0.3, stiffness=200.0, law="hertz"),
+                         vi.constraint(2, 0.2, stiffness=50.0)])  # fmt: skip
+    motion = local.time_history(hertz, START, 20.0, t=101)
+    assert motion.force.shape == motion.error.force.shape == (101, 2)
+    assert set(motion.to_xarray("contacts").data_vars) == COLUMNS
+    assert set(motion.contacts.constraint) == {0, 1}
+    assert np.abs(motion.energy - motion.energy[0]).max() <= 2.0 * motion.error.energy.max()
+    stored = vi.TimeHistory(motion.to_hdf5(tmp_path / "hertz.h5"))
+    np.testing.assert_array_equal(stored.contacts.impulse, motion.contacts.impulse)
+    base = {
+        "system": vi.chain(
+            3, [vi.constraint(0, 0.3, stiffness=200.0, law="power", exponent=1.5)]
+        ),
+        "initial": {"x": START[0], "v": START[1]}, "t_end": 6.0, "t": {"num": 4},
+        "outputs": outputs,
+    }  # fmt: skip
+    values = [1.0, 1.5, 2.0, 3.3]
+    grid = local.sweep("time-history", base, {"system.constraints.0.law.exponent": values})
+    for place, exponent in enumerate(values):
+        stop = vi.constraint(0, 0.3, stiffness=200.0, law="power", exponent=exponent)
+        alone = local.time_history(vi.chain(3, [stop]), START, 6.0, t=4, outputs=outputs)
+        np.testing.assert_array_equal(grid.force[place], alone.force)
+        assert grid.contact_count[place] == alone.contacts.start.size
+    members = local.ensemble(
+        base["system"], [START[0]] * 2, [START[1], [2.0, 0.0, 0.0]], 6.0, t=4, outputs=outputs
+    )
+    np.testing.assert_array_equal(members.force[0], grid.force[1])
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"law": "hertz"}, {"law": "power", "stiffness": 1.0}, {"law": "soft", "stiffness": 1.0},
+        {"law": "hertz", "stiffness": 1.0, "exponent": 1.5}, {"stiffness": 1.0, "exponent": 2.0},
+        {"law": "hertz", "stiffness": 1.0, "damping": 1.0},
+        {"law": "power", "stiffness": 1.0, "exponent": 2.0, "restitution": 0.5},
+    ],
+)  # fmt: skip
+def test_numbers_that_a_law_has_not_are_refused(given: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"law|exponent|stiffness"):
+        vi.constraint(0, 0.1, **given)
+
+
+@pytest.mark.parametrize("kind", ["periodic-motions", "attractors", "impact-modes"])
+def test_other_kinds_name_those_that_offer_a_law(kind: str) -> None:
+    system = vi.chain(3, [vi.constraint(0, 0.3, stiffness=200.0, law="hertz")])
+    local, load = vi.Local(), [vi.drive(0, 1.0)]
+    call = {
+        "periodic-motions": lambda: local.periodic_motions(system, [0.8], load),
+        "attractors": lambda: local.attractors(system, 0.8, load, [START[0]], [START[1]]),
+        "impact-modes": lambda: local.impact_modes(system, [3.0]),
+    }[kind]
+    with pytest.raises(InvalidRequest, match="offered by time-history and ensemble") as refused:
+        call()
+    assert refused.value.errors[0]["pointer"] == "/system/constraints/0/law"

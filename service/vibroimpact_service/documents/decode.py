@@ -30,7 +30,7 @@ from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.derivatives import Parameter
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.laws import Law, Linear, Rigid
+from vibroimpact_solvers.laws import Hertz, Law, Linear, Power, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
 from vibroimpact_solvers.spectrum import Cache, held_bytes
 
@@ -167,7 +167,7 @@ def constraint(index: int, document: systems.Constraint) -> Constraint:
         raise error.under("constraints", index) from None
 
 
-def _law(document: laws.RigidLaw | laws.LinearLaw) -> Law:
+def _law(document: laws.Law) -> Law:
     """Return the law of a stop."""
     try:
         match document:
@@ -175,6 +175,10 @@ def _law(document: laws.RigidLaw | laws.LinearLaw) -> Law:
                 return Rigid(document.restitution)
             case laws.LinearLaw():
                 return Linear(document.stiffness, document.damping, document.restitution)
+            case laws.HertzLaw():
+                return Hertz(document.stiffness)
+            case laws.PowerLaw():
+                return Power(document.stiffness, document.exponent)
     except ModelError as error:
         raise error.under("law") from None
 

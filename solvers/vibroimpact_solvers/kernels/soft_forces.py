@@ -48,7 +48,8 @@ _EPS: Final = 2.0**-52
 _GROWTH: Final = 4.0  # of a step over the last one, at most
 _LOOKS: Final = 1000  # at most, for a change of sides
 _HALVINGS: Final = 30
-_NONE, _LINKED, _GROWN = 0, 1, 2
+NO_SERIES, _LINKED, _GROWN = 0, 1, 2
+"""Ways to the series of a force; it has none where it is zero or too small to be felt."""
 
 LAW: Final = record(
     [
@@ -59,6 +60,8 @@ LAW: Final = record(
         ("high", np.float64),
         ("strength", np.float64),  # size of the change of state by a unit impulse
         ("grain", np.float64),  # of q, for a unit of the size of a state
+        ("exponent", np.float64),
+        ("whole", np.int64),  # the exponent where products are to give the series, else 0
     ]
 )
 """Numbers of a limiter."""
@@ -96,8 +99,6 @@ class Limiters(NamedTuple):
     slopes: Floats  # (wall, 2, pair): their rates
     kicks: Floats  # (wall, 2, pair): changes of state by unit impulses
     laws: Any  # (wall,) of LAW
-    exponent: float
-    whole: int  # the exponent where products are to give the series, else 0
 
 
 class Step(NamedTuple):
@@ -185,9 +186,9 @@ def begin(limiters: Limiters, branches: Any, z: Floats, order: int, step: Step) 
     Negative: a force is left out that is not zero.
     """
     reach, sign = _GROWTH, 1.0
-    exponent, whole = limiters.exponent, limiters.whole
     for i in range(limiters.laws.size):
         law, now = limiters.laws[i], branches[i]
+        exponent, whole = law.exponent, law.whole
         q = law.level + form(limiters.forms, i, z)
         change = step.h * form(limiters.slopes, i, z)
         # Where q is zero but for its rounding the side is that to which it goes.
@@ -196,18 +197,18 @@ def begin(limiters: Limiters, branches: Any, z: Floats, order: int, step: Step) 
         gain = law.above if above else law.below
         strength, way = law.strength * abs(gain), _GROWN
         if gain == 0.0:
-            way = _NONE
+            way = NO_SERIES
         elif whole > 0:
             if whole <= 3 or _is_near(q, change, strength, whole, order, step):
                 way = _LINKED
         else:
             limit = _left_out(q, change, strength, exponent, step)
             if limit >= 0.0:
-                way, sign, reach = _NONE, -1.0, min(reach, limit)
+                way, sign, reach = NO_SERIES, -1.0, min(reach, limit)
         if way == _GROWN:
             now.inverse = 1.0 / q
             now.force[FIRST] = gain * size_of(q, exponent, whole)
-        elif way == _NONE:
+        elif way == NO_SERIES:
             clear(now)
         elif whole % 2 == 1 and not above:
             gain = -gain  # of q^exponent, not of its size
@@ -271,7 +272,7 @@ def side_kept(u: Floats, last: int, s: float, side: float) -> float:
         size += abs(u[k]) * reach * s
     q, slope, t = side * u[FIRST], side * u[SECOND], 0.0
     kept = s
-    if q <= size:
+    if q <= size and size > 0.0:
         slack = 4.0 * _EPS * (size + abs(q))
         for _ in range(_LOOKS):
             free = max(q, 0.0) + slack
@@ -293,11 +294,11 @@ def side_kept(u: Floats, last: int, s: float, side: float) -> float:
 @inline
 def sides_kept(limiters: Limiters, branches: Any, order: int, s: float) -> float:
     """Return the part of a step up to s in which every law stays the same function."""
-    whole = limiters.whole
     for i in range(limiters.laws.size):
         law, now = limiters.laws[i], branches[i]
+        whole, one_sided = law.whole, law.below == 0.0 or law.above == 0.0
         differ = whole > 0 and (whole % 2 == 0 or law.below != -law.above)
-        if differ or now.gain == 0.0:
+        if differ or one_sided:
             s = side_kept(branches[i].powers[Q], order, s, now.side)
     return s
 
@@ -306,11 +307,11 @@ def sides_kept(limiters: Limiters, branches: Any, order: int, s: float) -> float
 def could_hide(limiters: Limiters, branches: Any, order: int) -> bool:
     """Return whether forces could rise and fall within a step, too steeply for the series."""
     hidden = False
-    if order <= limiters.exponent + 2.0:
-        for i in range(limiters.laws.size):
-            hidden = hidden or abs(branches[i].powers[Q, SECOND]) > 0.3 * abs(
-                branches[i].powers[Q, FIRST]
-            )
+    for i in range(limiters.laws.size):
+        steep = order <= limiters.laws[i].exponent + 2.0
+        hidden = hidden or (
+            steep and abs(branches[i].powers[Q, SECOND]) > 0.3 * abs(branches[i].powers[Q, FIRST])
+        )
     return hidden
 
 
@@ -324,15 +325,16 @@ def defect(
     does not count. Infinite where a coordinate is so far away that its force, or its series, is no
     number.
     """
-    worst, exponent = 0.0, limiters.exponent
+    worst = 0.0
     for i in range(limiters.laws.size):
         law, now, u, t = limiters.laws[i], branches[i], branches[i].powers[Q], s
+        exponent = law.exponent
         q = u[FIRST] + form(limiters.forms, i, end)
         now.end = q
         for _ in range(2 if middle else 1):
             gain = law.above if q > 0.0 else law.below
             # A side without a limiter has none, however far away.
-            force = gain * size_of(q, exponent, limiters.whole) if gain != 0.0 else 0.0
+            force = gain * size_of(q, exponent, law.whole) if gain != 0.0 else 0.0
             off = force - summed(now.force, order - 1, t)
             missing = abs(off)
             if not missing < math.inf:  # nor a number, which a maximum would pass over

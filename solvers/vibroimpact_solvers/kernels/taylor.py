@@ -26,10 +26,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Z2
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, once, record
 from vibroimpact_solvers.kernels.series import FIRST, SECOND, raised
+from vibroimpact_solvers.kernels.soft_contacts import note_switchings, sum_up
 from vibroimpact_solvers.kernels.soft_forces import (
     BRANCH,
     Limiters,
@@ -62,6 +63,8 @@ class Stop(IntEnum):
     END = 0
     BUDGET = 1
     STIFF = 2
+    PHASES = 3
+    """The table of contact phases is full."""
 
 
 PAIR: Final = record(
@@ -98,9 +101,17 @@ PROGRESS: Final = record(
         ("most", np.int64),  # steps of one call
         ("written", np.int64),  # samples in a history of displacements and velocities
         ("rows", np.int64),  # of it in one call
+        ("phases", np.int64),  # contact phases so far
     ]
 )
 """How far a motion has come."""
+
+
+class Contacts(NamedTuple):
+    """Contact phases of a motion; a table without rows where they are not asked for."""
+
+    phases: Any  # of `soft_contacts.PHASE`
+    lasting: Integers  # (wall,): the phase of each limiter that lasts, or -1
 
 
 class _Work(NamedTuple):
@@ -188,7 +199,7 @@ def _pushed(
     """
     now, here, there = branches[i], C[k], C[k + 1]
     kicks = limiters.kicks[i]
-    f = factor * coefficient(now, part, limiters.exponent, limiters.whole)
+    f = factor * coefficient(now, part, limiters.laws[i].exponent, limiters.laws[i].whole)
     now.next = factor * form(limiters.slopes, i, here)
     for j in range(here.shape[1]):
         there[Z1, j] = fma(f, kicks[Z1, j], there[Z1, j])
@@ -312,10 +323,15 @@ def _steps(
     z: Floats,
     lost: Floats,
     samples: Floats,
+    contacts: Contacts,
 ) -> int:
     """Take steps to the end of a motion; arguments as of `follow`."""
     branches, order, h = work.branches, work.series.shape[0] - 1, progress.step
-    spread, deepest, stop = rounding_spread(order, limiters.exponent), progress.deepest, 0
+    steepest = 1.0
+    for i in range(branches.size):
+        steepest = max(steepest, limiters.laws[i].exponent)
+    spread, deepest, stop = rounding_spread(order, steepest), progress.deepest, 0
+    phases, lasting = contacts.phases, contacts.lasting
     last_step = progress.steps + progress.most
     shortest = _SHORTEST * progress.end
     rest = (progress.end - progress.time) - progress.lost
@@ -324,7 +340,13 @@ def _steps(
         if progress.steps >= last_step:
             stop = 1
             break
+        if phases.size > 0 and phases.size - progress.phases < branches.size:
+            stop = 3
+            break
         scale = _largest(linear.pairs, z)
+        if scale == 0.0:  # from rest at the zero of the state, by a constant load
+            for j in range(linear.pairs.size):
+                scale = max(scale, h * linear.pairs[j].weight * abs(linear.pairs[j].push))
         step = Step(h, scale, error * scale, spread)
         reach = begin(limiters, branches, z, order, step)
         last = _coefficients(linear, limiters, work, z, order, h)
@@ -336,6 +358,11 @@ def _steps(
                 continue
             stop = 2
             break
+        if phases.size > 0:
+            time = progress.time + progress.lost
+            progress.phases = note_switchings(
+                limiters, branches, z, h, time, phases, lasting, progress.phases
+            )
         s = min(abs(reach), rest / h)
         if last > 0.0:
             s = min(s, math.exp(math.log(step.allowed / last) * work.inverse[order]))
@@ -354,6 +381,8 @@ def _steps(
         cut = last * raised(s, order)
         progress.cut += cut * cut
         deepest = compression(limiters, branches, work.end, order, s, step, deepest)
+        if phases.size > 0:
+            sum_up(limiters, branches, order, s, h, phases, lasting)
         if (due - progress.time) - progress.lost <= span:
             due = _sampled(work.series, progress, h, span, output_times, samples)
         _update(linear, work, span, z, lost)
@@ -378,6 +407,7 @@ def follow(
     z: Floats,
     lost: Floats,
     samples: Floats,
+    contacts: Contacts,
 ) -> int:
     """Advance a motion to its end; return why it stopped, a `Stop`.
 
@@ -395,6 +425,7 @@ def follow(
     z, lost : array, shape (2, pair)
         The state, and what rounding took from it.
     samples : array, shape (time, 2, pair)
+    contacts : Contacts
     """
     n, terms = z.shape[1], order + 1
     inverse = np.zeros(order + 2)
@@ -402,4 +433,4 @@ def follow(
         inverse[k] = 1.0 / k
     branches = np.zeros(limiters.laws.size, BRANCH)
     work = _Work(np.zeros((terms, 2, n)), np.zeros((2, n)), inverse, branches)
-    return _steps(linear, limiters, work, error, output_times, progress, z, lost, samples)
+    return _steps(linear, limiters, work, error, output_times, progress, z, lost, samples, contacts)

@@ -21,7 +21,7 @@ from vibroimpact_solvers.kernels.modal import (
     state_of,
 )
 from vibroimpact_solvers.kernels.soft_forces import Limiters
-from vibroimpact_solvers.kernels.taylor import Linear, follow
+from vibroimpact_solvers.kernels.taylor import Contacts, Linear, follow
 
 REFUSED, _END, _BUDGET = -1, 0, 1
 """What `whole_soft_motion` returns where an initial state is not finite or not within range, and as
@@ -39,6 +39,7 @@ def whole_soft_motion(
     start: tuple[Floats, Floats],
     work: tuple[Floats, Floats, Floats],
     history: tuple[Floats, Floats],
+    contacts: Contacts,
 ) -> int:
     """Compute a motion; return why it stopped, as `kernels.taylor.follow` does, or `REFUSED`.
 
@@ -58,6 +59,8 @@ def whole_soft_motion(
         z, lost and samples of `kernels.taylor.follow`.
     history : tuple of array, each of shape (time, dof)
         Displacements and velocities at the first of the output times, filled in at the end.
+    contacts : Contacts
+        See `kernels.taylor.follow`.
     """
     (x, v), (xs, vs), (order, error), (z, lost, samples) = start, history, precision, work
     modal = modal_of(modes)
@@ -65,7 +68,9 @@ def whole_soft_motion(
         if not state_of(modal, x, v, z, lost):
             return REFUSED
         lost[:] = 0.0
-    stop = follow(linear, limiters, order, error, output_times, progress, z, lost, samples)
+    stop = follow(
+        linear, limiters, order, error, output_times, progress, z, lost, samples, contacts
+    )
     block, sums = np.empty((2 * SAMPLES, modal.place.size)), np.empty(2 * SAMPLES * xs.shape[1])
     if stop != _END:
         return stop

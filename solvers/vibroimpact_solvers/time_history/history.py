@@ -8,6 +8,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.soft_laws import SoftLaws
 from vibroimpact_solvers.time_history.structure import Structure
 
 History = tuple[Floats, Floats, Floats, Floats]
@@ -49,16 +50,16 @@ def requested(problem: Problem, history: History) -> dict[str, Any]:
 
 
 def requested_of_one(
-    problem: Problem, structure: Structure, x: Floats, v: Floats
+    problem: Problem, structure: Structure, laws: SoftLaws | None, x: Floats, v: Floats
 ) -> dict[str, Any]:
     """Return the fields of the result from x and v, of all dofs where energy is an output."""
-    outputs, system, law = problem.outputs, problem.system, problem.limiter
+    outputs, system = problem.outputs, problem.system
     dofs, energy = problem.output_dofs, np.empty(0)
     if "energy" in outputs:
         energy = 0.5 * (v * (system.M @ v.T).T).sum(axis=1)
         energy += (x * (0.5 * (system.K @ x.T).T - structure.force)).sum(axis=1)
-        if law is not None:
-            energy += law.potential(x @ structure.W.T, law.sizes(system))
+        if laws is not None:
+            energy += laws.potential(x @ structure.W.T)
     if x.shape[1] == system.n:
         x, v = x[:, dofs], v[:, dofs]
     history = x[np.newaxis], v[np.newaxis], energy[np.newaxis], np.empty((1, 0))

@@ -58,6 +58,7 @@ class Method(StrEnum):
     TAYLOR = "Taylor series"
     INTEGRATED = "integrator of scipy"
     SWITCHED = "exact between switchings of stops"
+    POWERED = "Taylor series between switchings of stops"
     EXTENDED = "exact between impacts, in extended precision where needed"
 
 
@@ -146,6 +147,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         flops = 3e5 * (20.0 + turns) * system.n
         reason = f"{problem.method}: {reason}"
         return Step(Stage.FREE_MOTION, Method.INTEGRATED, reason, flops, bounded=False)
+    if problem.powered:
+        return _powered_step(problem, turns)
     if problem.limiter is not None:
         reason = (
             "soft limiters: series of the motion, of an order that goes with the tolerance; a run "
@@ -215,6 +218,24 @@ def _switched_step(problem: Problem, count: int) -> Step:
     breaks = samples(problem.load, problem.t_end)
     flops = 1.5e7 + modes + contacts * (2e4 + 3e3 * n + 20.0 * n * n) + breaks * _SAMPLE
     return Step(Stage.FREE_MOTION, Method.SWITCHED, reason, flops, 400.0 * contacts, bounded=False)
+
+
+def _powered_step(problem: Problem, turns: float) -> Step:
+    """Return the step of a motion with stops whose force grows with a power."""
+    system, n = problem.system, float(problem.system.n)
+    walls = sum((c.lower is not None) + (c.upper is not None) for c in system.constraints)
+    radians = problem.t_end * _slow(problem)
+    contacts = 5.0 + max(0.5 * radians, 0.3 * _crossings(problem))
+    reason = (
+        "series of the motion, of an order that goes with the tolerance; steps end where a wall is "
+        "reached or left, and grow from there, where the force has no series; a run with longer "
+        "steps tells how well it is known; the number of contacts is estimated: the price is no "
+        "upper bound"
+    )
+    # Two runs of a step in a radian or so of the fastest mode, and some hundred in a contact.
+    steps = 2.0 * (20.0 + turns + 100.0 * contacts)
+    flops = steps * (1e3 + 60.0 * n + walls * (500.0 + 40.0 * n))
+    return Step(Stage.FREE_MOTION, Method.POWERED, reason, flops, 400.0 * contacts, bounded=False)
 
 
 def _in_motion(problem: Problem) -> float:

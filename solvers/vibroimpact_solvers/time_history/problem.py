@@ -241,6 +241,11 @@ class Problem:
         """Whether the stops have a finite stiffness."""
         return any(not c.law.rigid for c in self.system.constraints)
 
+    @property
+    def powered(self) -> bool:
+        """Whether the force of a stop grows with a power, so that Taylor series are followed."""
+        return any(c.law.name in laws.POWERS for c in self.system.constraints)
+
     def _check_laws(self) -> None:
         """Refuse stops whose motions are not computed, and forces of rigid ones."""
         constraints = self.system.constraints
@@ -257,6 +262,13 @@ class Problem:
             )
             raise ModelError(("system", "constraints", 0, "law"), message, code="too_large")
         rigid = next((i for i, c in enumerate(constraints) if c.law.rigid), None)
+        lossy = (i for i, c in enumerate(constraints) if c.law.lossy and not c.law.rigid)
+        dashpot = next(lossy, None)
+        if self.powered and dashpot is not None:
+            message = "linear stops beside hertz or power ones are computed without damping only"
+            raise ModelError(
+                ("system", "constraints", dashpot, "law"), message, code="not_possible"
+            )
         if rigid is not None:
             message = (
                 "rigid stops beside stops of finite stiffness are not computed: all are rigid, or "

@@ -11,12 +11,22 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.modal import SAMPLES
-from vibroimpact_solvers.kernels.soft_forces import LARGEST, LAW, Limiters
-from vibroimpact_solvers.kernels.taylor import FINER, PAIR, PROGRESS, Linear, Stop, follow
+from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.kernels.soft_contacts import PHASE
+from vibroimpact_solvers.kernels.taylor import (
+    FINER,
+    PAIR,
+    PROGRESS,
+    Contacts,
+    Linear,
+    Stop,
+    follow,
+)
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
-from vibroimpact_solvers.time_history.limiters import Power
+from vibroimpact_solvers.meter import hold
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.soft_errors import Distance
+from vibroimpact_solvers.time_history.soft_laws import SoftLaws
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _EPS: Final = 2.0**-52
@@ -43,6 +53,9 @@ _TOLD: Final = 100_000
 """Steps after which a motion tells by its progress how many it needs."""
 _FIRST: Final = 0.25
 """The first step that is tried, in units of the basis' time."""
+_PHASES: Final = 64  # rows of the first table of contacts
+_BESIDE: Final = 128
+"""Times besides those of the output at which two runs are compared, where contacts are listed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -66,6 +79,8 @@ class SoftRun:
         Time until which this is no more than the tolerance; nan: not estimated.
     distance : Distance, optional
         From the other run.
+    phases : array of `soft_contacts.PHASE`, optional
+        Contacts, where they are asked for; stop is nan of those that go on at the end.
     """
 
     states: Floats
@@ -75,6 +90,7 @@ class SoftRun:
     difference: float = math.nan
     known_until: float = math.nan
     distance: Distance | None = None
+    phases: Rows | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,7 +118,7 @@ class SoftMotion:
     Parameters
     ----------
     structure : Structure
-    law : Power
+    laws : SoftLaws
     output_times : array, shape (time,)
         Ascending times.
     t_end : float
@@ -112,28 +128,42 @@ class SoftMotion:
         Whether a second run estimates the error of the first.
     dofs : array of int
         Degrees of freedom of the history.
+    contacts : bool
+        Whether contact phases are listed.
+
+    Attributes
+    ----------
+    places : array of int, shape (time,)
+        Where the states of a run are those at the output times.
     """
 
     def __init__(
         self,
         structure: Structure,
-        law: Power,
+        laws: SoftLaws,
         output_times: Floats,
         t_end: float,
         tolerance: float,
         estimate: bool,
         dofs: Integers,
+        contacts: bool,
     ) -> None:
         scene, scale = structure.configuration(), structure.scale
         basis = scene.basis
-        self._times, self._end = np.append(output_times, t_end) * scale, t_end * scale
+        beside = np.linspace(0.0, t_end, _BESIDE) if contacts and estimate else np.zeros(0)
+        times = np.concatenate([output_times, beside])
+        order = np.argsort(times, kind="stable")
+        self.places: Integers = np.argsort(order)[: output_times.size]
+        self._times, self._end = np.append(times[order], t_end) * scale, t_end * scale
         self._tolerance, self._estimate, self._scale = tolerance, estimate, scale
         self._scene, self._basis = scene, basis
-        self._linear, self._limiters = _linear(scene), _limiters(structure, scene, law)
+        self._linear, self._limiters = _linear(scene), laws.kernel(structure, scene, off=False)
+        self._others = laws.kernel(structure, scene, off=True) if estimate else self._limiters
+        self._ramps, self._contacts = structure.ramps, contacts
         self._modes: Any = None
         self._shape, self._dofs = (structure.system.n,), dofs
         self._row = 100 + basis.modes.roots.size * dofs.size
-        if not estimate:
+        if not estimate and not contacts and not self._ramps.count:
             *modes, limits = structure.modal(scene, dofs)
             self._modes = (*modes, np.full_like(limits, np.inf))
 
@@ -182,7 +212,7 @@ class SoftMotion:
         while stop == Stop.BUDGET:
             stop = whole_soft_motion(
                 self._modes, self._linear, self._limiters, (order, error), self._times, progress,
-                (x, v), work, history,
+                (x, v), work, history, self._no_contacts,
             )  # fmt: skip
             if stop == Stop.BUDGET and self._is_too_long(progress):
                 return None
@@ -191,6 +221,10 @@ class SoftMotion:
         if stop != Stop.END:
             return None
         return SoftHistory(*history, float(progress["deepest"]), int(progress["steps"]))
+
+    @property
+    def _no_contacts(self) -> Contacts:
+        return Contacts(np.zeros(0, PHASE), np.full(self._limiters.laws.size, -1))
 
     @property
     def _error(self) -> float:
@@ -203,7 +237,7 @@ class SoftMotion:
         step = (10 + 4 * walls) * pairs + 10 * self._linear.drives.size + walls * (30 + 3 * order)
         most = max(1, WORK // (500 + order * step))
         rows = SAMPLES * max(1, WORK // (SAMPLES * self._row))
-        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0.0, heed, 0, 0, most, 0, rows)
+        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0.0, heed, 0, 0, most, 0, rows, 0)
         return np.array([begun], dtype=PROGRESS)[0]
 
     def _is_too_long(self, progress: Any) -> bool:
@@ -237,7 +271,7 @@ class SoftMotion:
             difference=float(apart.max()),
             known_until=float(until) / self._scale,
             distance=Distance(
-                np.arange(apart.size - 1) < count,
+                (np.arange(apart.size - 1) < count)[self.places],
                 states[:count],
                 off[:count],
                 run.cut,
@@ -269,17 +303,28 @@ class SoftMotion:
             noise = _EPS * size * basis.signs[0] * basis.own
             noise[0] *= basis.grain
             state += noise
-            linear = _linear(scene, _EPS * basis.drifts[0])
-            limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
+            linear, limiters = _linear(scene, _EPS * basis.drifts[0]), self._others
         order = order_of(error)
-        progress = self._progress(order, _HEED if off else 0.0)
+        progress, contacts = self._progress(order, _HEED if off else 0.0), self._no_contacts
+        if self._contacts:
+            room = np.zeros(_PHASES + contacts.lasting.size, PHASE)
+            contacts = contacts._replace(phases=room)
+        segment = self._begin_segment(0, progress, state)
         while True:
             stop = follow(
-                linear, limiters, order, error, self._times, progress, state, lost, states
+                linear, limiters, order, error, self._times, progress, state, lost, states, contacts
             )
-            if stop == Stop.END:
+            if stop == Stop.END and progress["end"] >= self._end:
                 cut = _LEFT_OUT * math.sqrt(float(progress["cut"]))
-                return SoftRun(states, float(progress["deepest"]), int(progress["steps"]), cut)
+                deepest, steps = float(progress["deepest"]), int(progress["steps"])
+                phases = contacts.phases[: progress["phases"]] if self._contacts else None
+                return SoftRun(states, deepest, steps, cut, phases=phases)
+            if stop == Stop.END:
+                segment = self._begin_segment(segment + 1, progress, state)
+            elif stop == Stop.PHASES:
+                hold(contacts.phases.nbytes)
+                room = np.concatenate([contacts.phases, np.zeros_like(contacts.phases)])
+                contacts = contacts._replace(phases=room)
             part = float(progress["time"]) / self._end
             if stop == Stop.STIFF or self._is_too_long(progress):
                 message = (
@@ -290,13 +335,19 @@ class SoftMotion:
             if tick is not None:
                 tick(int(1e3 * (begin + (end - begin) * part)), 1000)
 
-
-def _kick_errors(scene: Configuration) -> Floats:
-    """Return errors of kicks that leave the mobility of the limiters what it is."""
-    errors, watched = scene.kernel.errors.kicks[0], scene.kernel.watched
-    own, along = ((watched.velocity * part).sum(axis=(1, 2)) for part in (watched.kick, errors))
-    share = along / np.where(own == 0.0, 1.0, own)
-    return np.asarray(errors - share[:, np.newaxis, np.newaxis] * watched.kick)
+    def _begin_segment(self, segment: int, progress: Any, state: Floats) -> int:
+        """Let loads vary as they do between two samples; the motion goes on to the second."""
+        ramps = self._ramps
+        if not ramps.count:
+            return segment
+        time = float(progress["time"]) / self._scale
+        segment = max(segment, ramps.segment(time))
+        self._basis.set_ramps(state[np.newaxis], ramps.state(segment, time))
+        until = math.inf
+        if segment + 2 < ramps.times.size:
+            until = float(ramps.times[segment + 1]) * self._scale
+        progress["end"] = min(until, self._end)
+        return segment
 
 
 def _linear(scene: Configuration, drift: Floats | float = 0.0) -> Linear:
@@ -310,23 +361,3 @@ def _linear(scene: Configuration, drift: Floats | float = 0.0) -> Linear:
     pairs["back"] = np.where(rotates, -nu, np.where(swells, nu, 0.0))
     pairs["rest"] = np.where(rotates, flow.rest, 0.0)
     return Linear(pairs, flow.drives)
-
-
-def _limiters(structure: Structure, scene: Configuration, law: Power) -> Limiters:
-    """Return the limiters for `kernels.taylor.follow`."""
-    forms, slopes, kicks = scene.kernel.watched[:3]
-    sizes = law.sizes(structure.system)
-    unit = sizes.min(axis=0, initial=np.inf)
-    forms, slopes = (part / unit[:, np.newaxis, np.newaxis] for part in (forms, slopes))
-    stiffness = law.stiffness * math.ldexp(1.0, -2 * structure.exponent)
-    ratios = unit / sizes
-    weights = scene.basis.weights
-    felt = weights > 0.0
-    laws = np.zeros(unit.size, LAW)
-    laws["level"] = structure.level(scene) / unit
-    laws["below"], laws["above"] = stiffness * np.array([[1.0], [-1.0]]) * ratios**law.exponent
-    laws["low"], laws["high"] = ratios
-    laws["strength"] = (weights * np.abs(kicks)).max(axis=(1, 2), initial=0.0)
-    laws["grain"] = (np.abs(forms)[..., felt] / weights[felt]).sum(axis=(1, 2))
-    whole = int(law.exponent) if law.exponent in range(1, LARGEST + 1) else 0
-    return Limiters(forms, slopes, np.ascontiguousarray(kicks), laws, float(law.exponent), whole)

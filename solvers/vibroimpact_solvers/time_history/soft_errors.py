@@ -22,6 +22,7 @@ from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.soft_laws import SoftLaws
 from vibroimpact_solvers.time_history.stated_errors import LEAST
 from vibroimpact_solvers.time_history.structure import Structure
 
@@ -31,6 +32,7 @@ _AT_LEAST: Final = 0.125
 """Of the largest distance of all pairs, in that of each."""
 _RATES: Final = 1.5
 """Of the largest distance of velocities: they change fast, and output times are few."""
+_ROUNDED: Final = 64.0 * 2.0**-52  # part of a force, whose exponent is 64 at most
 _TIMES: Final = 256  # output times at a time
 
 
@@ -78,27 +80,36 @@ class Distance:
         return np.asarray(self.sampled * largest + self.rounding * sizes.sum(axis=1))
 
 
+def rows_of(structure: Structure, distance: Distance, rows: Floats) -> tuple[Floats, Floats]:
+    """Return the errors of ``rows . q`` and of its rate, q being modal coordinates, each (row,)."""
+    basis = structure.configuration().basis
+    place, rate = (distance.of(form(rows), basis) for form in (basis.displacement, basis.velocity))
+    return np.maximum(place, LEAST), np.maximum(_RATES * structure.scale * rate, LEAST)
+
+
 def stated(
-    problem: Problem, structure: Structure, distance: Distance, x: Floats, v: Floats
+    problem: Problem,
+    structure: Structure,
+    laws: SoftLaws,
+    distance: Distance,
+    x: Floats,
+    v: Floats,
 ) -> dict[str, Any]:
-    """Return the errors of a history, which is that of all dofs where energy is an output.
+    """Return the errors of a history, which is that of all dofs where energy or forces are outputs.
 
     Parameters
     ----------
     problem : Problem
     structure : Structure
+    laws : SoftLaws
     distance : Distance
     x, v : array, shape (time, dof)
     """
-    outputs, basis, known = problem.outputs, structure.configuration().basis, distance.known
+    outputs, known = problem.outputs, distance.known
     values = dict[str, Any]()
 
     def off(rows: Floats) -> tuple[Floats, Floats]:
-        """Return the errors of ``rows . q`` and of its rate, each (row,)."""
-        place, rate = (
-            distance.of(form(rows), basis) for form in (basis.displacement, basis.velocity)
-        )
-        return np.maximum(place, LEAST), np.maximum(_RATES * structure.scale * rate, LEAST)
+        return rows_of(structure, distance, rows)
 
     each = np.where(known, 1.0, np.inf)
     if outputs & {"x", "v"}:
@@ -109,23 +120,36 @@ def stated(
         values["error_energy"] = each
         dx, dv = off(structure.shapes)
         dy = off(structure.W @ structure.shapes)[0]
-        each[known] = _of_energy(problem, structure, (x[known], v[known]), (dx, dv, dy))
+        each[known] = _of_energy(problem, structure, laws, (x[known], v[known]), (dx, dv, dy))
+    if "force" in outputs:
+        error = np.full((x.shape[0], len(structure.W)), np.inf)
+        error[known] = _of_forces(
+            laws, x[known] @ structure.W.T, off(structure.W @ structure.shapes)[0]
+        )
+        values["error_force"] = error
     return values
+
+
+def _of_forces(laws: SoftLaws, y: Floats, dy: Floats) -> Floats:
+    """Return the errors of forces by those of coordinates, shape (time, constraint)."""
+    force = laws.forces(y)
+    changes = (np.abs(laws.forces(y + off) - force) for off in (-dy, dy))
+    return np.asarray(np.maximum(*changes) + _ROUNDED * np.abs(force) + LEAST)
 
 
 def _of_energy(
     problem: Problem,
     structure: Structure,
+    laws: SoftLaws,
     history: tuple[Floats, Floats],
     errors: tuple[Floats, Floats, Floats],
 ) -> Floats:
     """Return the errors of energies by those of displacements, velocities and coordinates."""
-    (x, v), (dx, dv, dy), system, law = history, errors, problem.system, problem.limiter
-    assert law is not None
+    (x, v), (dx, dv, dy), system = history, errors, problem.system
     M, K = (SymmetricMatrix(np.abs(A.data), A.form, A.pattern) for A in (system.M, system.K))
     push = np.abs((system.K @ x.T).T - structure.force) + 0.5 * (K @ dx)
     moves = np.abs((system.M @ v.T).T) + 0.5 * (M @ dv)
-    y, sizes = x @ structure.W.T, law.sizes(system)
+    y = x @ structure.W.T
     # As far as it may be off, a coordinate is pushed by no more than there.
-    pushed = np.maximum(*(np.abs(law.forces(y + off, sizes)) for off in (-dy, dy)))
+    pushed = np.maximum(*(np.abs(laws.forces(y + off)) for off in (-dy, dy)))
     return np.asarray(push @ dx + moves @ dv + pushed @ dy)

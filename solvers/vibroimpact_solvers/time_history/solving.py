@@ -11,7 +11,7 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
-from vibroimpact_solvers.time_history import reference, soft_errors
+from vibroimpact_solvers.time_history import reference, soft_contacts, soft_errors, soft_laws
 from vibroimpact_solvers.time_history.history import requested_of_one
 from vibroimpact_solvers.time_history.planning import Method
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State, tolerance_of
@@ -24,6 +24,7 @@ from vibroimpact_solvers.time_history.result_values import (
 from vibroimpact_solvers.time_history.rigid_motions import RigidMotions
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.soft import SoftHistory, SoftMotion
+from vibroimpact_solvers.time_history.soft_laws import PowerStops, SoftLaws
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.stated_errors import OF_IMPACTS, unknown_errors
 from vibroimpact_solvers.time_history.stops import StoppedMotions
@@ -34,7 +35,11 @@ _TWICE = (
     "the initial state, frequencies and limiters off by their roundings, times the share of "
     "roundings in it, relative to the largest state; in each output its own largest difference, or "
     "half of what those of all modes may make of it, infinite from predictable_until on; "
-    "penetration is the largest coordinate over scale times its gap"
+    "penetration is the largest coordinate over scale times its gap, of soft limiters"
+)
+_OF_CONTACTS = (
+    "of contacts the differences of their coordinates, by which times, forces and impulses may be "
+    "off; the time of a contact that is less deep may be that of none"
 )
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
 
@@ -61,7 +66,9 @@ class Prepared:
         self.structure = Structure.of(problem.system, method, problem.t_end, problem.load)
         self._solver = _METHODS.get(Method(motion_step.method), _integrated)
         self.output_times = problem.history_times
-        self.soft, self._light = None, "energy" not in problem.outputs
+        self.soft: SoftMotion | None = None
+        self.laws: SoftLaws | None = None
+        self._light = not problem.outputs & {"energy", "force"}
         self.rigid: RigidMotions | None = None
         self.stopped: StoppedMotions | None = None
         if self._solver is _exact:
@@ -69,15 +76,16 @@ class Prepared:
         elif self._solver is _switched:
             self.stopped = StoppedMotions(self.structure, problem)
         elif self._solver is _soft:
-            assert problem.limiter is not None
+            self.laws = soft_laws.of(problem)
             self.soft = SoftMotion(
                 self.structure,
-                problem.limiter,
+                self.laws,
                 self.output_times,
                 problem.t_end,
                 tolerance_of(problem),
                 problem.estimate,
                 problem.output_dofs,
+                isinstance(self.laws, PowerStops) and "contacts" in problem.outputs,
             )
 
     def solve(self, initial: State | ImpactMode | None = None, tick: Tick | None = None) -> Result:
@@ -148,21 +156,30 @@ def _soft(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) ->
     """Compute a motion with soft limiters by Taylor series."""
     problem, structure = prepared.problem, prepared.structure
     assert prepared.soft is not None
+    assert prepared.laws is not None
+    laws, soft = prepared.laws, prepared.soft
     run = prepared.soft.follow(initial_state(problem, initial, structure), tick)
-    basis, states = structure.configuration().basis, run.states[:-1]
-    dofs = slice(None) if "energy" in problem.outputs else problem.output_dofs
+    basis, states = structure.configuration().basis, run.states[soft.places]
+    dofs = slice(None) if problem.outputs & {"energy", "force"} else problem.output_dofs
     shapes, (q, rate) = basis.modes.shapes[dofs], basis.coordinates(states)
     x, v = (q + basis.still) @ shapes.T, structure.scale * rate @ shapes.T
-    values = default_values(problem) | requested_of_one(problem, structure, x, v)
+    values = default_values(problem) | requested_of_one(problem, structure, laws, x, v)
     if run.distance is not None:
-        values.update(soft_errors.stated(problem, structure, run.distance, x, v))
+        values.update(soft_errors.stated(problem, structure, laws, run.distance, x, v))
+    statement = _TWICE
+    if isinstance(laws, PowerStops):
+        statement = f"{_TWICE}; {_OF_CONTACTS}"
+        if "force" in problem.outputs:
+            values["force"] = np.abs(laws.forces(x @ structure.W.T))
+        if "contacts" in problem.outputs:
+            values |= soft_contacts.table(structure, laws, run, problem.t_end)
     values.update(
         error_penetration=run.compression,
         count_expansions=run.steps,
         error_condition=run.difference / EPS if problem.estimate else math.nan,
         error_predictable_until=run.known_until,
         error_difference=run.difference if problem.estimate else None,
-        error_statement=_TWICE if problem.estimate else UNKNOWN,
+        error_statement=statement if problem.estimate else UNKNOWN,
     )
     return Result(**values)
 
@@ -175,6 +192,7 @@ def _integrated(prepared: Prepared, initial: State | ImpactMode, tick: Tick | No
     )
     v = v * structure.scale
     tolerance = tolerance_of(problem)
+    laws = None if problem.limiter is None else soft_laws.of(problem)
     run = reference.follow(
         structure,
         problem.limiter,
@@ -186,7 +204,7 @@ def _integrated(prepared: Prepared, initial: State | ImpactMode, tick: Tick | No
         problem.method,
         tick,
     )
-    values = default_values(problem) | requested_of_one(problem, structure, run.x, run.v)
+    values = default_values(problem) | requested_of_one(problem, structure, laws, run.x, run.v)
     values.update(unknown_errors(problem))
     if "impacts" in problem.outputs:
         struck, strengths = (
@@ -213,4 +231,5 @@ _METHODS: Final = {
     Method.MODAL: _exact,
     Method.SWITCHED: _switched,
     Method.TAYLOR: _soft,
+    Method.POWERED: _soft,
 }
