@@ -145,7 +145,20 @@ class StoppedStructure(StoppedModes):
         return Passage(np.ascontiguousarray(columns.T), offset, after.sizes_of(terms))
 
     def initial_states(self, y: Floats, rate: Floats) -> States:
-        """Return the states of stops at coordinates and velocities, each shape (constraint,)."""
+        """Return the states of stops at coordinates and velocities, each shape (constraint,).
+
+        With a residual flexibility the loaded ones displace the coordinates of all.
+        """
+        if self.series.flexibility is not None:
+            lower, upper = self.walls
+            loaded = self.series.loaded_at(np.stack([-y - lower, y - upper]))
+            shares = self.series.shares([a for a, _ in loaded])
+            if shares is not None:
+                at = np.array([side * self.wall(a, side) for a, side in loaded])
+                which = [a for a, _ in loaded]
+                beyond, rates = y[which] - at, rate[which]
+                y, rate = y + shares @ beyond, rate + shares @ rates
+                y[which], rate[which] = at + (shares @ beyond)[which], (shares @ rates)[which]
         return tuple(self._initial(a, float(y[a]), float(rate[a])) for a in range(y.size))
 
     def _initial(self, a: int, y: float, rate: float) -> int:

@@ -4,6 +4,9 @@ With some stops loaded the structure is linear, with ``K + sum k w w^T``, ``C + 
 the load ``k wall w``. Its coordinates are displacements from a place where the springs of the
 loaded stops have no force, so that indentations are forms of the state without a constant, and
 keep their digits at stiff stops.
+
+With a residual flexibility in series (`vibroimpact_solvers.flexibility`) the springs of loaded
+stops are a full matrix, and each of them displaces the limited coordinates, its own and others'.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.flexibility import Series
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
 from vibroimpact_solvers.time_history.structure import Structure
@@ -33,7 +37,7 @@ class _Modes:
     ----------
     vectors : array, shape (mode, mode)
     rows : array, shape (constraint, mode)
-        What they make of the constrained coordinates.
+        ``w^T E`` of the constrained coordinates.
     equations : Modes
         Without a constant load.
     """
@@ -55,7 +59,7 @@ class Placed:
     origin : array, shape (mode,)
         Modal coordinates of the open structure at the zero of the state.
     rows : array, shape (constraint, mode)
-        The constrained coordinates by its modes.
+        The constrained coordinates by its modes, displaced by residual flexibilities.
     levels : array, shape (constraint,)
         Constrained coordinates at the zero of the state.
     indentations : array, shape (constraint,)
@@ -114,13 +118,15 @@ class StoppedModes:
         laws = [c.law for c in self.system.constraints if isinstance(c.law, Linear)]
         assert len(laws) == len(self.rows)
         self.stiffness = np.array([law.stiffness for law in laws], dtype=np.float64)
+        self.series = Series(self.stiffness, self.system.flexibility)
         masses = 1.0 / self.mobility
         self.damping = np.array(
             [law.damping_with(mass) for law, mass in zip(laws, masses.tolist(), strict=True)],
             dtype=np.float64,
         )
         self.walls = structure.limits
-        fastest = math.sqrt(float((self.stiffness * self.mobility).sum()))
+        springs = self.series.springs(range(len(laws)))
+        fastest = math.sqrt(float(((springs @ self.rows) * self.rows).sum()))
         self.exponent = max(structure.exponent, exponent_of(np.array([fastest]), 1.0))
         if fastest == 0.0:
             self.exponent = structure.exponent
@@ -157,17 +163,21 @@ class StoppedModes:
         free = self._modes[()].equations
         ascending = np.argsort(self.eigenvalues, kind="stable")
         others = [a for a in range(len(self.rows)) if a not in loaded]
-        order = [*loaded, *others]
-        k, c = self.stiffness[[*loaded]], self.damping[[*loaded]]
-        new = spectrum.stiffened(
-            self.eigenvalues[ascending], self.rows[order][:, ascending], k.tolist()
-        )
+        order, count = [*loaded, *others], len(loaded)
+        c, (k, axes) = self.damping[[*loaded]], self.series.axes(loaded)
+        given = self.rows[order]
+        if axes is not None:
+            given[:count] = axes.T @ given[:count]
+        new = spectrum.stiffened(self.eigenvalues[ascending], given[:, ascending], k.tolist())
         vectors, rows = np.empty_like(new.vectors), np.empty_like(new.rows)
-        vectors[ascending], rows[order] = new.vectors, new.rows
+        vectors[ascending], along = new.vectors, new.rows[:count].copy()
+        if axes is not None:
+            new.rows[:count] = axes @ along
+        rows[order] = new.rows
         exact = np.sign(new.eigenvalues) * np.sqrt(np.abs(new.eigenvalues))
         roots = exact.astype(np.float64)
         rests = np.where(roots == 0.0, 0.0, (exact - roots) / np.where(roots == 0.0, 1.0, roots))
-        own, squares = rows[[*loaded]] ** 2, vectors**2
+        own, squares = along**2, vectors**2
         terms = squares.T @ np.abs(self.eigenvalues).astype(np.float64) + k @ own
         errors = squares.T @ free.errors + _ROUNDED * EPS * terms
         damping, damping_errors = self._damped(vectors, rows[[*loaded]], c)
@@ -238,7 +248,7 @@ class StoppedModes:
         apart = np.zeros(len(self.rows))
         if loaded:
             # The origin is where the coordinates of loaded stops are at their walls.
-            own, k = self.rows[[*which]], self.stiffness[[*which]]
+            own, k = self.rows[[*which]], self.series.springs(which)
             at = np.array([side * self.wall(index, side) for index, side in loaded])
             among = own @ own.T
             push = np.linalg.lstsq(among, at, rcond=None)[0]
@@ -247,8 +257,8 @@ class StoppedModes:
             missed[np.abs(missed) <= _ROUNDED * EPS * (np.abs(own) @ np.abs(origin))] = 0.0
             here = rows[[*which]]
             held, sizes = self._held(modes, own, here, k, push)
-            load = load - held - (k * missed) @ here
-            terms += sizes + np.abs(k * missed) @ np.abs(here)
+            load = load - held - (k @ missed) @ here
+            terms += sizes + (np.abs(k) @ np.abs(missed)) @ np.abs(here)
             apart[[*which]] = [side * m for (_, side), m in zip(loaded, missed, strict=True)]
         equations = modes.equations
         rigid = equations.roots == 0.0
@@ -264,8 +274,30 @@ class StoppedModes:
         levels = self.rows @ origin + moved
         sides = np.zeros(len(self.rows))
         sides[[*which]] = [side for _, side in loaded]
+        levels, rows, indentations = self._displaced(which, sides, levels, rows, apart, moved)
         mixing = basis.mixing[0] if basis.vector_error > 0.0 else None
-        return Placed(basis, vectors, origin, rows, levels, apart + sides * moved, still, mixing)
+        return Placed(basis, vectors, origin, rows, levels, indentations, still, mixing)
+
+    def _displaced(
+        self, which: tuple[int, ...], sides: Floats, levels: Floats, rows: Floats, apart: Floats,
+        moved: Floats,
+    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+        """Return levels, rows and indentations as loaded stops displace the coordinates.
+
+        Without a residual flexibility they displace none.
+        """
+        indentations = apart + sides * moved
+        shares = self.series.shares(which)
+        if shares is None:
+            return levels, rows, indentations
+        some = [*which]
+        pushed, displaced = shares @ (sides * indentations)[some], shares @ rows[some]
+        levels, rows = levels + pushed, rows + displaced
+        for a in which:
+            side = 1 if sides[a] > 0.0 else -1
+            levels[a], rows[a] = side * self.wall(a, side) + pushed[a], displaced[a]
+            indentations[a] = side * pushed[a]
+        return levels, rows, indentations
 
     def _held(
         self, modes: _Modes, own: Floats, here: Floats, k: Floats, push: Floats
@@ -279,7 +311,7 @@ class StoppedModes:
         mu = modes.equations.roots * np.abs(modes.equations.roots)
         pull, among = stiffness * (own.T @ push), own @ own.T
         direct, sizes = modes.vectors.T @ pull, np.abs(modes.vectors).T @ np.abs(pull)
-        springs = k[:, np.newaxis] * here
-        other = push @ (here * mu - among @ springs)
-        others = np.abs(push) @ (np.abs(here * mu) + np.abs(among) @ np.abs(springs))
+        other = push @ (here * mu - among @ (k @ here))
+        springs = np.abs(k) @ np.abs(here)
+        others = np.abs(push) @ (np.abs(here * mu) + np.abs(among) @ springs)
         return np.where(sizes <= others, direct, other), np.minimum(sizes, others)
