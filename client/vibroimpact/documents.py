@@ -562,6 +562,11 @@ class MatrixSystem(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     M: Sequence[Sequence[float]] | DiagonalMatrix | BandedMatrix | CoordinateMatrix | ScalarMatrix
     """Mass matrix, symmetric, shape [n, n]. Positive definite, apart from rows and columns of
     zeros: such degrees of freedom have no mass and follow the others statically. They need
@@ -597,6 +602,11 @@ class Chain(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -621,6 +631,11 @@ class Oscillator(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -642,6 +657,11 @@ class TwoMass(TypedDict):
     influence: NotRequired[Sequence[float] | None]
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
     """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
@@ -667,6 +687,11 @@ class DoublePendulum(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -686,6 +711,11 @@ class BouncingBall(TypedDict):
     influence: NotRequired[Sequence[float] | None]
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
     """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
@@ -710,6 +740,11 @@ class Absorber(TypedDict):
     influence: NotRequired[Sequence[float] | None]
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
     """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
@@ -740,6 +775,11 @@ class Beam(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -764,6 +804,10 @@ class SystemReference(TypedDict):
     """Replace the stored constraints; absent: keep them."""
     damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
     """Replaces the stored damping, of a system without C; absent: keep it."""
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Replaces the stored one, as constraints do where it is absent, which have none then;
+    absent without constraints: keep it.
+    """
 
 
 class FrequencyValues(TypedDict):

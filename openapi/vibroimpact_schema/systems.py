@@ -252,6 +252,9 @@ class Dashpot(Document):
 Dashpots = Annotated[list[Dashpot], Field(max_length=1000, fail_fast=True)]
 
 
+Flexibility = Annotated[list[Numbers], Field(fail_fast=True)]
+
+
 class Structure(Document):
     """Fields of all structures."""
 
@@ -264,6 +267,12 @@ class Structure(Document):
         None,
         description="Displacements of the structure by a unit displacement of its base, such as 1 "
         "for those in its direction, shape [n]; for loads by the base and effective masses.",
+    )
+    residual_flexibility: Flexibility | None = Field(
+        None,
+        description="Rows of the static flexibility between the constraints of what a model of few "
+        "modes leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It "
+        "is in series with linear stops without damping; absent: none.",
     )
 
     def check_one_damping(self, other: str) -> Self:
@@ -311,6 +320,11 @@ class SystemReference(Document):
     )
     damping: Damping | None = Field(
         None, description="Replaces the stored damping, of a system without C; absent: keep it."
+    )
+    residual_flexibility: Flexibility | None = Field(
+        None,
+        description="Replaces the stored one, as constraints do where it is absent, which have "
+        "none then; absent without constraints: keep it.",
     )
 
 

@@ -272,6 +272,7 @@ _FIELDS: Final = (
     ("system.dashpots.*.c", "mass time-1", "coefficient of the dashpot"),
     ("system.dashpots.*.weights.*", "1", "weight in the coordinate of the dashpot"),
     ("system.influence.*", "1", "displacement by a unit displacement of the base"),
+    ("system.residual_flexibility.*.*", "time2 mass-1", "residual flexibility"),
     ("system.force.*", _FORCE, "static load"),
     ("system.mass", _MASS, "mass"),
     ("system.stiffness", _STIFFNESS, "stiffness"),

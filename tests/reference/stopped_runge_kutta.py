@@ -68,10 +68,12 @@ class StoppedMotion:
             # F = k (d - s delta s F) + c d', all stops at once
             laws = [cs[a].law for a, _ in some]
             signs, which = np.array([s for _, s in some]), [a for a, _ in some]
-            k, c = np.array([law.stiffness for law in laws]), np.array([l.damping or 0.0 for l in laws])
+            k = np.array([law.stiffness for law in laws])
+            c = np.array([law.damping or 0.0 for law in laws])
             among = self.delta[np.ix_(which, which)] * np.outer(signs, signs)
             free = np.array([s * y[a] - self.wall(a, s) for a, s in some])
-            F = np.linalg.solve(np.eye(len(some)) + k[:, None] * among, k * free + c * signs * rate[which])
+            push = k * free + c * signs * rate[which]
+            F = np.linalg.solve(np.eye(len(some)) + k[:, None] * among, push)
             y = y - self.delta[:, which] @ (signs * F)
             return dict(zip(some, F, strict=True)), y
         return {}, y
@@ -97,8 +99,9 @@ class StoppedMotion:
             for some in itertools.combinations(self.sides, count):
                 loaded = frozenset(some)
                 F, y = self.forces(loaded, t, z)
-                beyond = [s for s in self.sides if s not in loaded and s[1] * y[s[0]] > self.wall(*s)]
-                if all(value > 0.0 for value in F.values()) and not beyond:
+                others = [stop for stop in self.sides if stop not in loaded]
+                beyond = [side * y[a] > self.wall(a, side) for a, side in others]
+                if all(value > 0.0 for value in F.values()) and not any(beyond):
                     return loaded
         raise AssertionError
 
@@ -112,6 +115,7 @@ class StoppedMotion:
             while t < until:
                 events = []
                 for stop in self.sides:
+
                     def event(s: float, y: Any, stop: Any = stop, loaded: Any = loaded) -> float:
                         F, place = self.forces(loaded, s, y)
                         if stop in loaded:
@@ -122,7 +126,7 @@ class StoppedMotion:
                     events.append(event)
                 part = solve_ivp(
                     self.rhs(loaded), (t, until), z, method="DOP853", rtol=1e-13, atol=1e-15,
-                    events=events, dense_output=True, max_step=0.02,
+                    events=events, dense_output=True, max_step=0.1,
                 )  # fmt: skip
                 inside = times[(times >= t) & (times < part.t[-1])]
                 states += [part.sol(s) for s in inside]
