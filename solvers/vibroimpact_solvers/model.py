@@ -28,6 +28,7 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.laws import ELASTIC, Law, Rigid
 from vibroimpact_solvers.matrices import SymmetricMatrix
+from vibroimpact_solvers.walls import Wall
 
 RANGE: Final = (1e-100, 1e100)
 """Allowed magnitudes of gaps, matrices and frequencies: their squares stay finite."""
@@ -40,7 +41,6 @@ _ROUNDED: Final = 4.0 * EPS
 Coordinate = tuple[tuple[int, float], ...]
 """Pairs of a degree of freedom and its weight."""
 Coordinates = tuple[Coordinate, ...]
-
 __all__ = [
     "RANGE",
     "ChainShape",
@@ -82,6 +82,8 @@ class Constraint:
         Newton's coefficient of a rigid stop, 0 to 1.
     law : Law, optional
         What the stop does beyond its wall; where it is not rigid, restitution has no meaning.
+    wall : Wall
+        How both walls move.
     """
 
     dofs: tuple[int, ...]
@@ -90,6 +92,7 @@ class Constraint:
     upper: float | None
     restitution: float = 1.0
     law: Law = ELASTIC
+    wall: Wall = ()
     coordinate: Coordinate = field(init=False, repr=False, compare=False)
     """Pairs of a degree of freedom and its nonzero weight, ascending."""
 
@@ -143,10 +146,7 @@ class Constraint:
     @property
     def line(self) -> Coordinate:
         """The coordinate up to a factor: the same for all limiters along one direction."""
-        pairs = self.coordinate
-        if len(pairs) == 1:
-            return ((pairs[0][0], 1.0),)
-        return tuple((dof, weight / pairs[0][1]) for dof, weight in pairs)
+        return tuple((dof, weight / self.coordinate[0][1]) for dof, weight in self.coordinate)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.flexibility import Series
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
+from vibroimpact_solvers.time_history.stops.courses import Course
 from vibroimpact_solvers.time_history.structure import Structure
 
 _ROUNDED: Final = 8.0  # roundings of sums that modes of configurations are made of
@@ -68,6 +69,8 @@ class Placed:
         Magnitudes of what the deflections under constant loads are the sum of.
     mixing : array, shape (pair, pair), optional
         Share of other pairs in each pair by the errors of complex modes; absent: there are none.
+    course : Course
+        How walls move, displaced by residual flexibilities as the coordinates are.
     """
 
     basis: Basis
@@ -78,6 +81,7 @@ class Placed:
     indentations: Floats
     terms: Floats
     mixing: Floats | None
+    course: Course
     _sizes: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -125,6 +129,7 @@ class StoppedModes:
             dtype=np.float64,
         )
         self.walls = structure.limits
+        self.course = Course.of(structure)
         springs = self.series.springs(range(len(laws)))
         fastest = math.sqrt(float(((springs @ self.rows) * self.rows).sum()))
         self.exponent = max(structure.exponent, exponent_of(np.array([fastest]), 1.0))
@@ -181,15 +186,18 @@ class StoppedModes:
         terms = squares.T @ np.abs(self.eigenvalues).astype(np.float64) + k @ own
         errors = squares.T @ free.errors + _ROUNDED * EPS * terms
         damping, damping_errors = self._damped(vectors, rows[[*loaded]], c)
+        # Springs and dashpots of walls that move are loads.
+        pull = self.course.pull(loaded, self.series.springs(loaded), c)
+        cosine, sine, ramps = (rows[[*loaded]].T @ part for part in pull)
         equations = replace(
             free,
             roots=roots,
             rests=rests.astype(np.float64),
             damping=damping,
             load=np.zeros(roots.size),
-            cosine=vectors.T @ free.cosine,
-            sine=vectors.T @ free.sine,
-            ramps=vectors.T @ free.ramps,
+            cosine=vectors.T @ free.cosine + cosine,
+            sine=vectors.T @ free.sine + sine,
+            ramps=vectors.T @ free.ramps + ramps,
             shapes=free.shapes @ vectors,
             weighted=free.weighted @ vectors,
             errors=errors,
@@ -276,7 +284,8 @@ class StoppedModes:
         sides[[*which]] = [side for _, side in loaded]
         levels, rows, indentations = self._displaced(which, sides, levels, rows, apart, moved)
         mixing = basis.mixing[0] if basis.vector_error > 0.0 else None
-        return Placed(basis, vectors, origin, rows, levels, indentations, still, mixing)
+        course = self.course.displaced(self.series.shares(which), which)
+        return Placed(basis, vectors, origin, rows, levels, indentations, still, mixing, course)
 
     def _displaced(
         self, which: tuple[int, ...], sides: Floats, levels: Floats, rows: Floats, apart: Floats,
