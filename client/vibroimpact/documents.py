@@ -1223,6 +1223,10 @@ class Constraint(TypedDict):
     """What the stop does beyond its wall; absent: it is rigid. A stop with a law has no
     restitution beside it.
     """
+    wall: NotRequired[Sequence[WallSwing] | WallSamples | None]
+    """How both walls move, which is added to their places: harmonic terms, or samples. Of
+    linear stops in time histories; absent: they are at rest.
+    """
 
 
 class Units(TypedDict):
@@ -1294,6 +1298,26 @@ class LinearLaw(TypedDict):
     """c, force by velocity; absent: none."""
     restitution: NotRequired[float | None]
     """Ratio of the speeds after and before a contact, instead of the damping."""
+
+
+class WallSwing(TypedDict):
+    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop."""
+
+    amplitude: float
+    """Its amplitude, length."""
+    frequency: float
+    """Its angular frequency."""
+    phase: NotRequired[float]
+    """Its phase at t = 0. Default: 0.0."""
+
+
+class WallSamples(TypedDict):
+    """Displacements of both walls of a stop at times, with straight lines between."""
+
+    t: Sequence[float]
+    """Ascending times, from 0 or before to t_end or after."""
+    y: Sequence[float]
+    """Displacements at these times."""
 
 
 class Job(TypedDict):

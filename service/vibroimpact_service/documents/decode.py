@@ -54,8 +54,8 @@ def system(document: systems.AnySystem) -> System:
     bare = document.model_copy(update={"constraints": [], series.FIELD: None})
     structure = digest.content(digest.canonical(bare))
     limiters = [each.model_dump(exclude_none=True) for each in document.constraints]
-    beside = digest.content(digest.dumps([limiters, document.residual_flexibility]))
-    name = f"{structure} {beside}".encode()
+    beside = digest.dumps([limiters, document.residual_flexibility])
+    name = f"{structure} {digest.content(beside)}".encode()
     try:
         return KNOWN.get(name, lambda: _Known(_limited(document, structure))).system
     except OverflowError:
@@ -161,15 +161,16 @@ def constraint(index: int, document: systems.Constraint) -> Constraint:
     """Return the limiter of a document at its place among those of a system."""
     gap = document.gap
     lower, upper = (gap.lower, gap.upper) if isinstance(gap, systems.Limits) else (gap, gap)
-    direction = document.direction
-    if direction is None:
+    if (direction := document.direction) is None:
         assert document.dof is not None
         dofs, weights = [document.dof], [1.0]
     else:
         dofs, weights = direction.dofs, direction.weights
     try:
         law = Rigid() if document.law is None else _law(document.law)
-        return Constraint(tuple(dofs), tuple(weights), lower, upper, document.restitution, law)
+        wall = () if document.wall is None else loads.wall(document.wall)
+        rest = document.restitution, law, wall
+        return Constraint(tuple(dofs), tuple(weights), lower, upper, *rest)
     except ModelError as error:
         raise error.under("constraints", index) from None
 
