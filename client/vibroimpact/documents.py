@@ -562,6 +562,11 @@ class MatrixSystem(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     M: Sequence[Sequence[float]] | DiagonalMatrix | BandedMatrix | CoordinateMatrix | ScalarMatrix
     """Mass matrix, symmetric, shape [n, n]. Positive definite, apart from rows and columns of
     zeros: such degrees of freedom have no mass and follow the others statically. They need
@@ -597,6 +602,11 @@ class Chain(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -621,6 +631,11 @@ class Oscillator(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -642,6 +657,11 @@ class TwoMass(TypedDict):
     influence: NotRequired[Sequence[float] | None]
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
     """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
@@ -667,6 +687,11 @@ class DoublePendulum(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -686,6 +711,11 @@ class BouncingBall(TypedDict):
     influence: NotRequired[Sequence[float] | None]
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
     """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
@@ -710,6 +740,11 @@ class Absorber(TypedDict):
     influence: NotRequired[Sequence[float] | None]
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
+    """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
     """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
@@ -740,6 +775,11 @@ class Beam(TypedDict):
     """Displacements of the structure by a unit displacement of its base, such as 1 for those
     in its direction, shape [n]; for loads by the base and effective masses.
     """
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Rows of the static flexibility between the constraints of what a model of few modes
+    leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It is in
+    series with linear stops without damping; absent: none.
+    """
     constraints: NotRequired[Sequence[Constraint]]
     """Limiters; results refer to them by position. Absent: none. Default: []."""
     units: NotRequired[Units | None]
@@ -764,6 +804,10 @@ class SystemReference(TypedDict):
     """Replace the stored constraints; absent: keep them."""
     damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
     """Replaces the stored damping, of a system without C; absent: keep it."""
+    residual_flexibility: NotRequired[Sequence[Sequence[float]] | None]
+    """Replaces the stored one, as constraints do where it is absent, which have none then;
+    absent without constraints: keep it.
+    """
 
 
 class FrequencyValues(TypedDict):
@@ -1182,6 +1226,10 @@ class Constraint(TypedDict):
     """What the stop does beyond its wall; absent: it is rigid. A stop with a law has no
     restitution beside it.
     """
+    wall: NotRequired[Sequence[WallSwing] | WallSamples | None]
+    """How both walls move, which is added to their places: harmonic terms, or samples. Of
+    linear stops in time histories; absent: they are at rest.
+    """
 
 
 class Units(TypedDict):
@@ -1274,6 +1322,26 @@ class PowerLaw(TypedDict):
     """k, force by length^n."""
     exponent: float
     """n; 1 is a spring, 1.5 the law of Hertz."""
+
+
+class WallSwing(TypedDict):
+    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop."""
+
+    amplitude: float
+    """Its amplitude, length."""
+    frequency: float
+    """Its angular frequency."""
+    phase: NotRequired[float]
+    """Its phase at t = 0. Default: 0.0."""
+
+
+class WallSamples(TypedDict):
+    """Displacements of both walls of a stop at times, with straight lines between."""
+
+    t: Sequence[float]
+    """Ascending times, from 0 or before to t_end or after."""
+    y: Sequence[float]
+    """Displacements at these times."""
 
 
 class Job(TypedDict):

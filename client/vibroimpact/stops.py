@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from vibroimpact.arguments import integer, integers, number
+from vibroimpact.arguments import integer, integers, number, numbers
 
 if TYPE_CHECKING:
     from vibroimpact import documents
+
+    Wall = Sequence[Mapping[str, float]] | Mapping[str, Any]
 
 
 def constraint(
@@ -21,6 +23,7 @@ def constraint(
     damping: float | None = None,
     law: Literal["linear", "hertz", "power"] = "linear",
     exponent: float | None = None,
+    wall: Wall | None = None,
 ) -> documents.Constraint:
     """Return the document of a stop: rigid, or with a stiffness.
 
@@ -45,6 +48,10 @@ def constraint(
         ``"hertz"``, k d^(3/2); ``"power"``, k d^n.
     exponent : float, optional
         n of the power law.
+    wall : sequence of mapping or mapping, optional
+        How both walls of a stop with a stiffness move: harmonic terms, as ``[{"amplitude": 0.01,
+        "frequency": 2.0, "phase": 0.0}]``, or samples ``{"t": times, "y": displacements}`` with
+        straight lines between.
 
     Examples
     --------
@@ -70,6 +77,8 @@ def constraint(
         raise ValueError("a stop with a damping needs a stiffness, which may be 0")
     else:
         document["restitution"] = 1.0 if restitution is None else number("restitution", restitution)
+    if wall is not None:
+        document["wall"] = _wall(wall)
     if dof is not None and direction is not None:
         raise ValueError("a constraint has either a dof or a direction")
     weights = dof if isinstance(dof, Mapping) else direction
@@ -78,6 +87,17 @@ def constraint(
     else:
         document["direction"] = direction_of(weights)
     return document
+
+
+def _wall(wall: Wall) -> Sequence[documents.WallSwing] | documents.WallSamples:
+    """Return the document of walls that move."""
+    if isinstance(wall, Mapping) and "t" in wall:
+        return {"t": numbers("t of the wall", wall["t"]), "y": numbers("y", wall["y"])}
+    terms: list[documents.WallSwing] = []
+    for each in [wall] if isinstance(wall, Mapping) else wall:
+        term: Any = {name: number(f"{name} of the wall", value) for name, value in each.items()}
+        terms.append(term)
+    return terms
 
 
 def _linear(

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-_OTHER = frozenset({"preset", "constraints", "damping", "dashpots", "influence", "units", "force"})
+_MORE = "damping", "dashpots", "force", "influence", "residual_flexibility"
+_OTHER = frozenset({"preset", "constraints", "units", *_MORE})
 _MOST_STOPS = 4
 
 
@@ -27,7 +28,7 @@ class Structure(dict[str, Any]):
             form = f"{self['preset']}: {', '.join(numbers)}" if numbers else self["preset"]
         else:
             form = ", ".join(f"{name} {_matrix(self[name])}" for name in "MKC" if name in self)
-        more = [name for name in ("damping", "dashpots", "force", "influence") if name in self]
+        more = [name for name in _MORE if name in self]
         parts = [form, *([f"with {', '.join(more)}"] if more else []), _stops(self["constraints"])]
         return f"<Structure {'; '.join(parts)}>"
 

@@ -70,6 +70,7 @@ def system(
     damping: Damping | None = None,
     dashpots: Dashpots = (),
     influence: ArrayLike | None = None,
+    residual_flexibility: ArrayLike | None = None,
 ) -> documents.MatrixSystem:
     """Return a structure given by its matrices.
 
@@ -92,6 +93,9 @@ def system(
     influence : array, shape (n,), optional
         Displacements by a unit displacement of the base, such as 1 in its direction: for loads by
         the motion of the base, and for effective masses.
+    residual_flexibility : array, shape (constraint, constraint), optional
+        Static flexibility at the stops of what a model of few modes leaves out, in series with
+        linear stops without damping: ``residual_flexibility`` of `natural_frequencies`.
 
     Raises
     ------
@@ -107,6 +111,9 @@ def system(
         document["C"] = matrix(C, "C")
     if force is not None:
         document["force"] = numbers("force", force)
+    if residual_flexibility is not None:
+        rows = array("the residual flexibility", residual_flexibility)
+        document["residual_flexibility"] = np.atleast_2d(rows).tolist()
     if units is not None:
         if not isinstance(units, Mapping):
             raise TypeError(

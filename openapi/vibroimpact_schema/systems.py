@@ -110,6 +110,36 @@ Gap = Annotated[
 ]
 
 
+class WallSwing(Document):
+    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop."""
+
+    amplitude: Number = Field(description="Its amplitude, length.")
+    frequency: Positive = Field(description="Its angular frequency.")
+    phase: Number = Field(0.0, description="Its phase at t = 0.")
+
+
+class WallSamples(Document):
+    """Displacements of both walls of a stop at times, with straight lines between."""
+
+    t: Annotated[list[Number], Field(min_length=2, fail_fast=True)] = Field(
+        description="Ascending times, from 0 or before to t_end or after."
+    )
+    y: Annotated[list[Number], Field(min_length=2, fail_fast=True)] = Field(
+        description="Displacements at these times."
+    )
+
+
+Wall = Annotated[
+    Annotated[list[WallSwing], Field(max_length=100), Tag("@swings")]
+    | Annotated[WallSamples, Tag("@samples")],
+    Discriminator(
+        lambda value: "@swings" if isinstance(value, list) else "@samples",
+        custom_error_type="wall_form",
+        custom_error_message="a wall is a list of harmonic terms, or an object with t and y",
+    ),
+]
+
+
 class Constraint(Document):
     """A stop: a coordinate, its gap, and what happens beyond it."""
 
@@ -125,6 +155,11 @@ class Constraint(Document):
         None,
         description="What the stop does beyond its wall; absent: it is rigid. A stop with a law "
         "has no restitution beside it.",
+    )
+    wall: Wall | None = Field(
+        None,
+        description="How both walls move, which is added to their places: harmonic terms, or "
+        "samples. Of linear stops in time histories; absent: they are at rest.",
     )
 
     @model_validator(mode="after")
@@ -252,6 +287,9 @@ class Dashpot(Document):
 Dashpots = Annotated[list[Dashpot], Field(max_length=1000, fail_fast=True)]
 
 
+Flexibility = Annotated[list[Numbers], Field(fail_fast=True)]
+
+
 class Structure(Document):
     """Fields of all structures."""
 
@@ -264,6 +302,12 @@ class Structure(Document):
         None,
         description="Displacements of the structure by a unit displacement of its base, such as 1 "
         "for those in its direction, shape [n]; for loads by the base and effective masses.",
+    )
+    residual_flexibility: Flexibility | None = Field(
+        None,
+        description="Rows of the static flexibility between the constraints of what a model of few "
+        "modes leaves out, symmetric and positive semidefinite, shape [constraint, constraint]. It "
+        "is in series with linear stops without damping; absent: none.",
     )
 
     def check_one_damping(self, other: str) -> Self:
@@ -311,6 +355,11 @@ class SystemReference(Document):
     )
     damping: Damping | None = Field(
         None, description="Replaces the stored damping, of a system without C; absent: keep it."
+    )
+    residual_flexibility: Flexibility | None = Field(
+        None,
+        description="Replaces the stored one, as constraints do where it is absent, which have "
+        "none then; absent without constraints: keep it.",
     )
 
 

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Protocol
 
+from vibroimpact_solvers import walls
 from vibroimpact_solvers.errors import ModelError
 
 LARGEST: Final = 1e100
@@ -226,7 +227,7 @@ OFFERED: Final[dict[str, frozenset[str]]] = {
 
 
 def require(kind: str, constraints: Sequence[Any]) -> None:
-    """Refuse stops whose law a kind does not offer.
+    """Refuse stops whose law a kind does not offer, and walls that move where they must not.
 
     Parameters
     ----------
@@ -238,6 +239,7 @@ def require(kind: str, constraints: Sequence[Any]) -> None:
     ModelError
         Naming the law of the first of them.
     """
+    walls.require(kind, constraints)
     offered = OFFERED.get(kind, frozenset({Rigid.name}))
     for index, constraint in enumerate(constraints):
         if constraint.law.name not in offered:

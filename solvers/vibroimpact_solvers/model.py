@@ -28,6 +28,7 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.laws import ELASTIC, Law, Rigid
 from vibroimpact_solvers.matrices import SymmetricMatrix
+from vibroimpact_solvers.walls import Wall
 
 RANGE: Final = (1e-100, 1e100)
 """Allowed magnitudes of gaps, matrices and frequencies: their squares stay finite."""
@@ -40,7 +41,6 @@ _ROUNDED: Final = 4.0 * EPS
 Coordinate = tuple[tuple[int, float], ...]
 """Pairs of a degree of freedom and its weight."""
 Coordinates = tuple[Coordinate, ...]
-
 __all__ = [
     "RANGE",
     "ChainShape",
@@ -82,6 +82,8 @@ class Constraint:
         Newton's coefficient of a rigid stop, 0 to 1.
     law : Law, optional
         What the stop does beyond its wall; where it is not rigid, restitution has no meaning.
+    wall : Wall
+        How both walls move.
     """
 
     dofs: tuple[int, ...]
@@ -90,6 +92,7 @@ class Constraint:
     upper: float | None
     restitution: float = 1.0
     law: Law = ELASTIC
+    wall: Wall = ()
     coordinate: Coordinate = field(init=False, repr=False, compare=False)
     """Pairs of a degree of freedom and its nonzero weight, ascending."""
 
@@ -143,10 +146,7 @@ class Constraint:
     @property
     def line(self) -> Coordinate:
         """The coordinate up to a factor: the same for all limiters along one direction."""
-        pairs = self.coordinate
-        if len(pairs) == 1:
-            return ((pairs[0][0], 1.0),)
-        return tuple((dof, weight / pairs[0][1]) for dof, weight in pairs)
+        return tuple((dof, weight / self.coordinate[0][1]) for dof, weight in self.coordinate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +188,8 @@ class System:
         Set by `presets.chain`: the natural modes are known in closed form.
     influence : array, shape (n,), optional
         Displacements by a unit displacement of the base.
+    flexibility : array, shape (constraint, constraint), optional
+        In series with the stops (`flexibility`, set by `in_series`); other limiters have none.
 
     Attributes
     ----------
@@ -212,6 +214,7 @@ class System:
     units: Units | None = None
     chain: ChainShape | None = None
     influence: Floats | None = None
+    flexibility: Floats | None = field(init=False, default=None)
     n: int = field(init=False, repr=False)
     massless: Integers = field(init=False, repr=False)
     body: Body = field(init=False, repr=False)
@@ -224,20 +227,18 @@ class System:
             if matrix is not None and matrix.n != self.n:
                 message = f"{name} has {matrix.n} rows, M has {self.n}"
                 raise ModelError((name,), message, code="wrong_size")
-        if self.force is not None:
-            object.__setattr__(self, "force", self._of_dofs("force", self.force))
-        if self.influence is not None:
-            object.__setattr__(self, "influence", self._of_dofs("influence", self.influence))
+        for name in ("force", "influence"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, self._of_dofs(name, getattr(self, name)))
         self._check_constraints()
         self._check_magnitudes()
         object.__setattr__(self, "massless", self._without_mass())
         self._check_massless()
 
     def _check_magnitudes(self) -> None:
-        parts = [("M", self.M.data), ("K", self.K.data)]
-        parts += [("C", self.C.data)] if self.C is not None else []
-        parts += [("force", self.force)] if self.force is not None else []
-        for name, numbers in parts:
+        C = None if self.C is None else self.C.data
+        parts = ("M", self.M.data), ("K", self.K.data), ("C", C), ("force", self.force)
+        for name, numbers in ((name, given) for name, given in parts if given is not None):
             largest = float(np.abs(numbers).max(initial=0.0))
             if largest and not within_range(np.array([largest])):
                 message = f"the largest entry is {largest!r}, not between {RANGE[0]} and {RANGE[1]}"
@@ -318,7 +319,7 @@ class System:
 
     def limited(self, constraints: Sequence[Constraint]) -> System:
         """Return the same structure with other limiters; its matrices are not checked again."""
-        system = self._with(constraints=tuple(constraints))
+        system = self._with(constraints=tuple(constraints), flexibility=None)
         system._check_constraints()
         system._check_massless()
         return system
@@ -378,8 +379,7 @@ class System:
     def directions(self, active: Sequence[int]) -> Floats:
         """Return the rows w_a of some constraints, shape (constraint, dof)."""
         rows = np.zeros((len(active), self.n))
-        for row, index in zip(rows, active, strict=True):
-            constraint = self.constraints[index]
+        for row, constraint in zip(rows, (self.constraints[a] for a in active), strict=True):
             row[list(constraint.dofs)] = constraint.weights
         return rows
 

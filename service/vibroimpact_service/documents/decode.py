@@ -14,7 +14,14 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from vibroimpact_schema import laws, motions, requests, slow_flows, systems
-from vibroimpact_service.documents import damped, derivative_paths, digest, initial_states, loads
+from vibroimpact_service.documents import (
+    damped,
+    derivative_paths,
+    digest,
+    initial_states,
+    loads,
+    series,
+)
 from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import attractors as settled
@@ -44,9 +51,11 @@ def system(document: systems.AnySystem) -> System:
         With the pointer inside the document.
     """
     # Matrices, which are long, are written once for both names.
-    structure = digest.content(digest.canonical(document.model_copy(update={"constraints": []})))
+    bare = document.model_copy(update={"constraints": [], series.FIELD: None})
+    structure = digest.content(digest.canonical(bare))
     limiters = [each.model_dump(exclude_none=True) for each in document.constraints]
-    name = f"{structure} {digest.content(digest.dumps(limiters))}".encode()
+    beside = digest.dumps([limiters, document.residual_flexibility])
+    name = f"{structure} {digest.content(beside)}".encode()
     try:
         return KNOWN.get(name, lambda: _Known(_limited(document, structure))).system
     except OverflowError:
@@ -86,13 +95,13 @@ _STRUCTURES: Final = WeakValueDictionary[str, System]()
 def _limited(document: systems.AnySystem, structure: str) -> System:
     """Return the system of a document, on the body of a known one that has other limiters.
 
-    Modes and contact configurations are then those of the known one. `structure` names the
-    document without limiters.
+    Modes and contacts are then those of the known one. `structure` names it without limiters.
     """
     known = _STRUCTURES.get(structure)
     of = _whole(document) if known is None else known.limited(constraints(document))
     _STRUCTURES[structure] = of
-    return of
+    rows = document.residual_flexibility
+    return of if rows is None else series.in_series(rows, of)
 
 
 def _whole(document: systems.AnySystem) -> System:
@@ -117,9 +126,7 @@ def _decoded(document: systems.AnySystem) -> System:
             force=None if document.force is None else np.array(document.force),
             units=units,
         )
-    parameters = document.model_dump(
-        exclude={"preset", "constraints", "units", "damping", "dashpots", "influence"}
-    )
+    parameters = document.model_dump(exclude={"preset", *systems.Preset.model_fields})
     preset: Callable[..., System] = getattr(presets, document.preset)
     return preset(constraints=limiters, units=units, **parameters)
 
@@ -154,15 +161,16 @@ def constraint(index: int, document: systems.Constraint) -> Constraint:
     """Return the limiter of a document at its place among those of a system."""
     gap = document.gap
     lower, upper = (gap.lower, gap.upper) if isinstance(gap, systems.Limits) else (gap, gap)
-    direction = document.direction
-    if direction is None:
+    if (direction := document.direction) is None:
         assert document.dof is not None
         dofs, weights = [document.dof], [1.0]
     else:
         dofs, weights = direction.dofs, direction.weights
     try:
         law = Rigid() if document.law is None else _law(document.law)
-        return Constraint(tuple(dofs), tuple(weights), lower, upper, document.restitution, law)
+        wall = () if document.wall is None else loads.wall(document.wall)
+        rest = document.restitution, law, wall
+        return Constraint(tuple(dofs), tuple(weights), lower, upper, *rest)
     except ModelError as error:
         raise error.under("constraints", index) from None
 

@@ -9,9 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_schema import motions, requests
+from vibroimpact_schema import motions, requests, systems
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers import time_history as histories
+from vibroimpact_solvers import walls
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
@@ -67,6 +68,28 @@ def force(term: motions.DriveTerm, place: int, of: System) -> driven.Force:
     else:
         dofs, weights = term.direction.dofs, term.direction.weights
     return driven.Force(tuple(dofs), tuple(weights), amplitude, term.harmonic, phase, power)
+
+
+def wall(document: Sequence[systems.WallSwing] | systems.WallSamples) -> walls.Wall:
+    """Return how both walls of a stop move.
+
+    Raises
+    ------
+    ModelError
+        With the pointer inside the constraint.
+    """
+    if isinstance(document, systems.WallSamples):
+        try:
+            return walls.Samples(tuple(document.t), tuple(document.y))
+        except ModelError as error:
+            raise error.under("wall") from None
+    swings = []
+    for place, term in enumerate(document):
+        try:
+            swings.append(walls.Swing(term.amplitude, term.frequency, term.phase))
+        except ModelError as error:
+            raise error.under("wall", place) from None
+    return tuple(swings)
 
 
 def _influence(of: System, place: int) -> Floats:

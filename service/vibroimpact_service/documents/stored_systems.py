@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import orjson
 from pydantic import TypeAdapter
@@ -11,6 +11,7 @@ from vibroimpact_schema.service import StoredSystem
 from vibroimpact_schema.systems import AnySystem, System, SystemReference
 from vibroimpact_service import problems
 from vibroimpact_service.documents import digest, limits, parse
+from vibroimpact_service.documents.series import FIELD
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError
@@ -69,13 +70,16 @@ def resolve(store: Store, reference: SystemReference, *where: str) -> AnySystem:
         raise _unknown(*where)
     system = parse.document(SYSTEM, orjson.loads(data))
     assert not isinstance(system, SystemReference)
-    own = {name: getattr(reference, name) for name in ("constraints", "damping")}
+    own = {name: getattr(reference, name) for name in ("constraints", "damping", FIELD)}
     other = next((name for name in ("C", "zeta") if getattr(system, name, None)), None)
     if own["damping"] is not None and other is not None:
         raise problems.invalid(
             problems.pointer((*where, "damping")), "two_dampings", f"the stored system has {other}"
         )
-    return system.model_copy(update={name: x for name, x in own.items() if x is not None})
+    update: dict[str, Any] = {name: x for name, x in own.items() if x is not None}
+    if "constraints" in update:
+        update.setdefault(FIELD, None)  # it is that of the stored constraints
+    return system.model_copy(update=update)
 
 
 def check_owner(owner: str, reference: SystemReference, *where: str) -> None:

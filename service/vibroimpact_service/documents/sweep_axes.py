@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_schema import grids, sweeps, systems
-from vibroimpact_service.documents import decode, sweep_names
+from vibroimpact_service.documents import decode, series, sweep_names
 from vibroimpact_service.documents.grid_values import decimal_steps, grid_values
 from vibroimpact_service.documents.varying import OTHER_SIZE, Path, Varying, number, replaced
 from vibroimpact_service.kinds import KINDS
@@ -266,8 +266,9 @@ class _Grid:
             return tuple(index[place] for place in places)
 
         try:
-            structure = self._structure(positions(self._structural))
+            rows, structure = self._structure(positions(self._structural))
             system = structure.limited(self._limiters(positions(self._limiting)))
+            system = system if rows is None else series.in_series(rows, system)
         except ModelError as error:
             raise error.under("system") from None
         return self._set(self._other, positions(self._other)), system
@@ -292,11 +293,13 @@ class _Grid:
             limiters[which] = decode.constraint(which, document)
         return limiters
 
-    def _decoded_structure(self, positions: Index) -> System:
+    def _decoded_structure(self, positions: Index) -> tuple[Any, System]:
+        """Return a residual flexibility and the structure, with any limiters."""
         if not self._structural:
-            return self._system
+            return self._base.system.residual_flexibility, self._system
         document = self._set(self._structural, positions).system
-        return decode.system(document.model_copy(update={"constraints": []}))
+        bare = document.model_copy(update={"constraints": [], series.FIELD: None})
+        return document.residual_flexibility, decode.system(bare)
 
     def check(self, meter: Callable[[], None], points: int) -> None:
         """Refuse values with which none of so many points is possible; `meter` as of `problem`."""

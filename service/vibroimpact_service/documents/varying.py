@@ -147,7 +147,7 @@ def _innermost(document: BaseModel, path: Path) -> BaseModel:
 def _mirror(base: Any, path: Path) -> Path | None:
     """Return the path of the entry that is equal by symmetry, None where there is no other."""
     match path:
-        case ("system", "M" | "K" | "C", int(i), int(j)) if i != j:
+        case ("system", "M" | "K" | "C" | "residual_flexibility", int(i), int(j)) if i != j:
             return (*path[:2], j, i)
         case ("system", "M" | "K" | "C" as name, "data", int(k)):
             matrix = getattr(base.system, name)

@@ -61,6 +61,9 @@ def going_on(problem: Problem, end: End) -> Problem:
     ModelError
         If there are not as many loads as before.
     """
+    if moving := [i for i, c in enumerate(problem.system.constraints) if c.wall]:
+        message = "motions with walls that move do not go on from others"
+        raise ModelError(("system", "constraints", moving[0], "wall"), message, code="not_possible")
     if len(problem.load) != end.turned.size:
         message = f"{len(problem.load)} loads do not go on from {end.turned.size}"
         raise ModelError(("load",), message, code="wrong_length")

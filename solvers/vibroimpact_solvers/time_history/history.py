@@ -77,7 +77,7 @@ def relative_drift(energies: Floats) -> Floats:
 def conserves(problem: Problem) -> bool:
     """Whether the motion conserves its energy."""
     system = problem.system
-    lossless = system.C is None and not problem.load
+    lossless = system.C is None and not problem.acting
     if problem.limiter is None:
         lossless &= not any(c.law.lossy for c in system.constraints)
     return lossless

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers import condensation, laws
+from vibroimpact_solvers import walls as moving
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.derivatives import Parameter, check_parameters
@@ -237,6 +238,18 @@ class Problem:
             raise ModelError(("initial",), message, code="not_rigid")
 
     @property
+    def acting(self) -> tuple[Load, ...]:
+        """The loads, and one without a force for the time course of each wall that moves.
+
+        Those of sampled walls are the last ones, in the order of the constraints.
+        """
+        walls, n = [c.wall for c in self.system.constraints if c.wall], self.system.n
+        swings = {f for wall in walls for f, *_ in moving.parts(wall)}
+        given = [wall for wall in walls if isinstance(wall, moving.Samples)]
+        courses = (Sampled(np.zeros(n), np.array(wall.t), np.array(wall.y)) for wall in given)
+        return *self.load, *(Harmonic(0, 0.0, f) for f in sorted(swings)), *courses
+
+    @property
     def stopped(self) -> bool:
         """Whether the stops have a finite stiffness."""
         return any(not c.law.rigid for c in self.system.constraints)
@@ -250,6 +263,7 @@ class Problem:
         """Refuse stops whose motions are not computed, and forces of rigid ones."""
         constraints = self.system.constraints
         laws.require(KIND, constraints)
+        moving.check(constraints, self.t_end)
         if not self.stopped:
             if "force" in self.outputs and constraints:
                 message = "forces are those of stops of finite stiffness: the stops are rigid"

@@ -63,7 +63,7 @@ class Prepared:
         assert step is not None
         assert motion_step is not None
         method = spectrum.Method(step.method)
-        self.structure = Structure.of(problem.system, method, problem.t_end, problem.load)
+        self.structure = Structure.of(problem.system, method, problem.t_end, problem.acting)
         self._solver = _METHODS.get(Method(motion_step.method), _integrated)
         self.output_times = problem.history_times
         self.soft: SoftMotion | None = None

@@ -54,6 +54,8 @@ class Reduced:
         kept, fast = np.sort(order[:count]), order[count:]
         squares = modes.roots * np.abs(modes.roots)
         yields = float((row[fast] ** 2 / squares[fast]).sum())
+        if (flexibility := problem.system.flexibility) is not None:
+            yields += float(flexibility[impact.constraint, impact.constraint])
         rest = float((row[fast] * modes.load[fast] / squares[fast]).sum())
         system = _system(problem, phases, row, kept, (yields, rest))
         forces = (phases.forces @ modes.shapes)[0, kept].tolist()

@@ -65,20 +65,23 @@ class StoppedStructure(StoppedModes):
         placed, basis = self.placed(loaded), self.placed(loaded).basis
         forces = tuple(a for a, code in enumerate(states) if code != OPEN)
         moves, slides = basis.displacement(placed.rows), basis.velocity(placed.rows)
+        if placed.course.moves:
+            course = placed.course.form(basis)
+            moves, slides = moves - course, slides - basis.rates_of(course)
         kicks = basis.kick(placed.rows)
         count = len(states)
         walls = np.zeros(count + len(forces), rigid_state.WALL)
         walls["restitution"], walls["lower"], walls["upper"] = -1.0, np.inf, np.inf
         for a, code in enumerate(states):
             self._set_walls(walls[a : a + 1], a, code, placed.levels[a])
+        walls["size"][:count] += placed.course.sizes
         form_rows, slope_rows = [*moves], [*slides]
         for place, a in enumerate(forces, start=count):
             form, wall = self._force(placed, a, states[a], moves[a], slides[a])
             form_rows.append(form)
             slope_rows.append(basis.rates_of(form))
-            walls["size"][place] = abs(wall) + self.stiffness[a] * float(
-                np.abs(placed.rows[a]) @ placed.terms
-            )
+            still = np.abs(placed.rows[a]) @ placed.terms + placed.course.sizes[a]
+            walls["size"][place] = abs(wall) + self.stiffness[a] * float(still)
             if abs(states[a]) == LOADED:
                 walls["lower"][place] = wall
             else:
@@ -145,7 +148,20 @@ class StoppedStructure(StoppedModes):
         return Passage(np.ascontiguousarray(columns.T), offset, after.sizes_of(terms))
 
     def initial_states(self, y: Floats, rate: Floats) -> States:
-        """Return the states of stops at coordinates and velocities, each shape (constraint,)."""
+        """Return the states of stops at coordinates and velocities, each shape (constraint,).
+
+        With a residual flexibility the loaded ones displace the coordinates of all.
+        """
+        if self.series.flexibility is not None:
+            lower, upper = self.walls
+            loaded = self.series.loaded_at(np.stack([-y - lower, y - upper]))
+            shares = self.series.shares([a for a, _ in loaded])
+            if shares is not None:
+                at = np.array([side * self.wall(a, side) for a, side in loaded])
+                which = [a for a, _ in loaded]
+                beyond, rates = y[which] - at, rate[which]
+                y, rate = y + shares @ beyond, rate + shares @ rates
+                y[which], rate[which] = at + (shares @ beyond)[which], (shares @ rates)[which]
         return tuple(self._initial(a, float(y[a]), float(rate[a])) for a in range(y.size))
 
     def _initial(self, a: int, y: float, rate: float) -> int:

@@ -4,6 +4,9 @@ With some stops loaded the structure is linear, with ``K + sum k w w^T``, ``C + 
 the load ``k wall w``. Its coordinates are displacements from a place where the springs of the
 loaded stops have no force, so that indentations are forms of the state without a constant, and
 keep their digits at stiff stops.
+
+With a residual flexibility in series (`vibroimpact_solvers.flexibility`) the springs of loaded
+stops are a full matrix, and each of them displaces the limited coordinates, its own and others'.
 """
 
 from __future__ import annotations
@@ -17,8 +20,10 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.flexibility import Series
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
+from vibroimpact_solvers.time_history.stops.courses import Course
 from vibroimpact_solvers.time_history.structure import Structure
 
 _ROUNDED: Final = 8.0  # roundings of sums that modes of configurations are made of
@@ -33,7 +38,7 @@ class _Modes:
     ----------
     vectors : array, shape (mode, mode)
     rows : array, shape (constraint, mode)
-        What they make of the constrained coordinates.
+        ``w^T E`` of the constrained coordinates.
     equations : Modes
         Without a constant load.
     """
@@ -55,7 +60,7 @@ class Placed:
     origin : array, shape (mode,)
         Modal coordinates of the open structure at the zero of the state.
     rows : array, shape (constraint, mode)
-        The constrained coordinates by its modes.
+        The constrained coordinates by its modes, displaced by residual flexibilities.
     levels : array, shape (constraint,)
         Constrained coordinates at the zero of the state.
     indentations : array, shape (constraint,)
@@ -64,6 +69,8 @@ class Placed:
         Magnitudes of what the deflections under constant loads are the sum of.
     mixing : array, shape (pair, pair), optional
         Share of other pairs in each pair by the errors of complex modes; absent: there are none.
+    course : Course
+        How walls move, displaced by residual flexibilities as the coordinates are.
     """
 
     basis: Basis
@@ -74,6 +81,7 @@ class Placed:
     indentations: Floats
     terms: Floats
     mixing: Floats | None
+    course: Course
     _sizes: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -114,13 +122,16 @@ class StoppedModes:
         laws = [c.law for c in self.system.constraints if isinstance(c.law, Linear)]
         assert len(laws) == len(self.rows)
         self.stiffness = np.array([law.stiffness for law in laws], dtype=np.float64)
+        self.series = Series(self.stiffness, self.system.flexibility)
         masses = 1.0 / self.mobility
         self.damping = np.array(
             [law.damping_with(mass) for law, mass in zip(laws, masses.tolist(), strict=True)],
             dtype=np.float64,
         )
         self.walls = structure.limits
-        fastest = math.sqrt(float((self.stiffness * self.mobility).sum()))
+        self.course = Course.of(structure)
+        springs = self.series.springs(range(len(laws)))
+        fastest = math.sqrt(float(((springs @ self.rows) * self.rows).sum()))
         self.exponent = max(structure.exponent, exponent_of(np.array([fastest]), 1.0))
         if fastest == 0.0:
             self.exponent = structure.exponent
@@ -157,29 +168,36 @@ class StoppedModes:
         free = self._modes[()].equations
         ascending = np.argsort(self.eigenvalues, kind="stable")
         others = [a for a in range(len(self.rows)) if a not in loaded]
-        order = [*loaded, *others]
-        k, c = self.stiffness[[*loaded]], self.damping[[*loaded]]
-        new = spectrum.stiffened(
-            self.eigenvalues[ascending], self.rows[order][:, ascending], k.tolist()
-        )
+        order, count = [*loaded, *others], len(loaded)
+        c, (k, axes) = self.damping[[*loaded]], self.series.axes(loaded)
+        given = self.rows[order]
+        if axes is not None:
+            given[:count] = axes.T @ given[:count]
+        new = spectrum.stiffened(self.eigenvalues[ascending], given[:, ascending], k.tolist())
         vectors, rows = np.empty_like(new.vectors), np.empty_like(new.rows)
-        vectors[ascending], rows[order] = new.vectors, new.rows
+        vectors[ascending], along = new.vectors, new.rows[:count].copy()
+        if axes is not None:
+            new.rows[:count] = axes @ along
+        rows[order] = new.rows
         exact = np.sign(new.eigenvalues) * np.sqrt(np.abs(new.eigenvalues))
         roots = exact.astype(np.float64)
         rests = np.where(roots == 0.0, 0.0, (exact - roots) / np.where(roots == 0.0, 1.0, roots))
-        own, squares = rows[[*loaded]] ** 2, vectors**2
+        own, squares = along**2, vectors**2
         terms = squares.T @ np.abs(self.eigenvalues).astype(np.float64) + k @ own
         errors = squares.T @ free.errors + _ROUNDED * EPS * terms
         damping, damping_errors = self._damped(vectors, rows[[*loaded]], c)
+        # Springs and dashpots of walls that move are loads.
+        pull = self.course.pull(loaded, self.series.springs(loaded), c)
+        cosine, sine, ramps = (rows[[*loaded]].T @ part for part in pull)
         equations = replace(
             free,
             roots=roots,
             rests=rests.astype(np.float64),
             damping=damping,
             load=np.zeros(roots.size),
-            cosine=vectors.T @ free.cosine,
-            sine=vectors.T @ free.sine,
-            ramps=vectors.T @ free.ramps,
+            cosine=vectors.T @ free.cosine + cosine,
+            sine=vectors.T @ free.sine + sine,
+            ramps=vectors.T @ free.ramps + ramps,
             shapes=free.shapes @ vectors,
             weighted=free.weighted @ vectors,
             errors=errors,
@@ -238,7 +256,7 @@ class StoppedModes:
         apart = np.zeros(len(self.rows))
         if loaded:
             # The origin is where the coordinates of loaded stops are at their walls.
-            own, k = self.rows[[*which]], self.stiffness[[*which]]
+            own, k = self.rows[[*which]], self.series.springs(which)
             at = np.array([side * self.wall(index, side) for index, side in loaded])
             among = own @ own.T
             push = np.linalg.lstsq(among, at, rcond=None)[0]
@@ -247,8 +265,8 @@ class StoppedModes:
             missed[np.abs(missed) <= _ROUNDED * EPS * (np.abs(own) @ np.abs(origin))] = 0.0
             here = rows[[*which]]
             held, sizes = self._held(modes, own, here, k, push)
-            load = load - held - (k * missed) @ here
-            terms += sizes + np.abs(k * missed) @ np.abs(here)
+            load = load - held - (k @ missed) @ here
+            terms += sizes + (np.abs(k) @ np.abs(missed)) @ np.abs(here)
             apart[[*which]] = [side * m for (_, side), m in zip(loaded, missed, strict=True)]
         equations = modes.equations
         rigid = equations.roots == 0.0
@@ -264,8 +282,31 @@ class StoppedModes:
         levels = self.rows @ origin + moved
         sides = np.zeros(len(self.rows))
         sides[[*which]] = [side for _, side in loaded]
+        levels, rows, indentations = self._displaced(which, sides, levels, rows, apart, moved)
         mixing = basis.mixing[0] if basis.vector_error > 0.0 else None
-        return Placed(basis, vectors, origin, rows, levels, apart + sides * moved, still, mixing)
+        course = self.course.displaced(self.series.shares(which), which)
+        return Placed(basis, vectors, origin, rows, levels, indentations, still, mixing, course)
+
+    def _displaced(
+        self, which: tuple[int, ...], sides: Floats, levels: Floats, rows: Floats, apart: Floats,
+        moved: Floats,
+    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+        """Return levels, rows and indentations as loaded stops displace the coordinates.
+
+        Without a residual flexibility they displace none.
+        """
+        indentations = apart + sides * moved
+        shares = self.series.shares(which)
+        if shares is None:
+            return levels, rows, indentations
+        some = [*which]
+        pushed, displaced = shares @ (sides * indentations)[some], shares @ rows[some]
+        levels, rows = levels + pushed, rows + displaced
+        for a in which:
+            side = 1 if sides[a] > 0.0 else -1
+            levels[a], rows[a] = side * self.wall(a, side) + pushed[a], displaced[a]
+            indentations[a] = side * pushed[a]
+        return levels, rows, indentations
 
     def _held(
         self, modes: _Modes, own: Floats, here: Floats, k: Floats, push: Floats
@@ -279,7 +320,7 @@ class StoppedModes:
         mu = modes.equations.roots * np.abs(modes.equations.roots)
         pull, among = stiffness * (own.T @ push), own @ own.T
         direct, sizes = modes.vectors.T @ pull, np.abs(modes.vectors).T @ np.abs(pull)
-        springs = k[:, np.newaxis] * here
-        other = push @ (here * mu - among @ springs)
-        others = np.abs(push) @ (np.abs(here * mu) + np.abs(among) @ np.abs(springs))
+        other = push @ (here * mu - among @ (k @ here))
+        springs = np.abs(k) @ np.abs(here)
+        others = np.abs(push) @ (np.abs(here * mu) + np.abs(among) @ springs)
         return np.where(sizes <= others, direct, other), np.minimum(sizes, others)

@@ -130,7 +130,9 @@ class StoppedMotion:
         self._end = problem.t_end * structure.scale
         now["end"], now["tolerance"] = self._end, tolerance_of(problem)
         at["wanted"] = "contacts" in problem.outputs
-        y, rate = structure.structure.W @ initial.x, structure.structure.W @ initial.v
+        away, leaving = structure.course.at_start(structure.structure.ramps)
+        y = structure.structure.W @ initial.x - away
+        rate = structure.structure.W @ initial.v - leaving
         at["scene"] = self._table.place(structure.initial_states(y, rate))
         self._make_room()
         scene = self._scene

@@ -116,6 +116,10 @@ class Samples:
         kinetic = 0.5 * (speed**2).sum(axis=1)
         elastic = (u * (0.5 * stiffness * u - free.load)).sum(axis=1)
         energies = kinetic + elastic + 0.5 * (beyond**2 @ k)
+        series = structure.series.flexibility
+        if series is not None:
+            force = k * beyond * np.sign([*scene.states])
+            energies += 0.5 * ((force @ series) * force).sum(axis=1)
         self.values["energy"][rows] = energies
         if flat is None:
             return
@@ -128,6 +132,9 @@ class Samples:
         error = (np.abs(push) * du + 0.5 * np.abs(stiffness) * du**2).sum(axis=1)
         error += (np.abs(speed) * dv + 0.5 * dv**2).sum(axis=1)
         error += (k * (np.abs(beyond) + 0.5 * dy) * dy * (beyond != 0.0)).sum(axis=1)
+        if series is not None:
+            more = np.abs(series) @ (k * dy * (beyond != 0.0)).T
+            error += ((np.abs(force) + 0.5 * k * dy).T * more).sum(axis=0)
         terms = kinetic + np.abs(u * (0.5 * stiffness * u - free.load)).sum(axis=1)
         self.values["error_energy"][rows] = error + _ROUNDED * EPS * terms + LEAST
 

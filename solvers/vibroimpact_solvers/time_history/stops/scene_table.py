@@ -178,7 +178,7 @@ class SceneTable:
         stops["level"] = placed.levels
         loaded = np.abs(scene.states) == LOADED
         stops["indentation"] = np.where(loaded, placed.indentations, 0.0)
-        stops["still"] = np.abs(placed.rows) @ placed.terms
+        stops["still"] = np.abs(placed.rows) @ placed.terms + placed.course.sizes
         return stops
 
     def _append(self, name: str, values: NDArray[Any]) -> int:
