@@ -48,11 +48,11 @@ Row = Annotated[list[Number | None], Field(min_length=1, fail_fast=True)]
 class MeasuredOutput(Document):
     """Measurements of one output of the base, with normal noise that is not correlated."""
 
-    output: Annotated[
-        str, Field(pattern=r"^[A-Za-z_0-9]+(\.[A-Za-z_0-9]+)*$", max_length=100)
-    ] = Field(
-        description="Its path in results, with dots: a numeric output that has derivatives.",
-        examples=["impacts.time", "x", "Omega"],
+    output: Annotated[str, Field(pattern=r"^[A-Za-z_0-9]+(\.[A-Za-z_0-9]+)*$", max_length=100)] = (
+        Field(
+            description="Its path in results, with dots: a numeric output that has derivatives.",
+            examples=["impacts.time", "x", "Omega"],
+        )
     )
     values: (
         Row

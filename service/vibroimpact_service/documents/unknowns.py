@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -67,15 +68,16 @@ def problem(request: calibrations.CalibrationRequest, system: System) -> calibra
 
 def _number(base: Any, place: int, path: str) -> Varying | _Factor:
     """Return the number at the path of an unknown."""
+    where = ("unknowns", place)
     try:
         match path.split("."):
             case ["system", "M" | "K" | "C" as name, "scale"]:
                 return _factor(base.system, name)
         number = varying.number(base, path)
-        if number.whole:
-            raise ModelError(("path",), f"{path} is a whole number", code="not_a_number")
     except ModelError as error:
-        raise error.under("unknowns", place) from None
+        raise error.under(*where) from None
+    if number.whole:
+        raise ModelError((*where, "path"), f"{path} is a whole number", code="not_a_number")
     return number
 
 
@@ -102,7 +104,8 @@ def _unknown(document: calibrations.Unknown, number: Varying | _Factor) -> calib
     )
 
 
-class _At(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _At:
     """The base at values of the unknowns."""
 
     kind: str
@@ -121,7 +124,7 @@ class _At(NamedTuple):
                 for number, value in zip(self.numbers, values, strict=True):
                     if isinstance(number, _Factor) == factor:
                         changed = self._put(changed, number, value)
-                        own = own or factor or number.path[0] == "system"
+                        own = own or _of_structure(number)
             if rates:
                 changed = changed.model_copy(update={"derivatives": list(self.paths)})
             system = decode.system(changed.system) if own else self.system
@@ -149,11 +152,17 @@ class _At(NamedTuple):
         return weights
 
 
+def _of_structure(number: Varying | _Factor) -> bool:
+    return isinstance(number, _Factor) or number.path[0] == "system"
+
+
 def _times(matrix: Any, factor: float) -> Any:
     """Return a matrix of a document times a number."""
     match matrix:
         case systems.DiagonalMatrix():
-            return matrix.model_copy(update={"diagonal": [factor * each for each in matrix.diagonal]})
+            return matrix.model_copy(
+                update={"diagonal": [factor * each for each in matrix.diagonal]}
+            )
         case systems.BandedMatrix():
             bands = {k: [factor * each for each in band] for k, band in matrix.bands.items()}
             return matrix.model_copy(update={"bands": bands})
@@ -179,22 +188,29 @@ def _measured(
         base = base.model_copy(update={"t": times.tolist()})
     for place, each in enumerate(documents):
         try:
-            rows = None
-            if each.t is not None:
-                if times is None:
-                    message = "the base is no history: it has no output times"
-                    raise ModelError(("t",), message, code="not_a_history")
-                rows = _rows(np.array(each.t), times, base.t_end)
-            elif times is not None and grid is not None and each.output in _HISTORIES:
-                rows = np.searchsorted(times, grid)
-            elif each.output in _HISTORIES and grid is None:
-                message = "a history needs the times t of its values"
-                raise ModelError(("t",), message, code="missing_t")
+            rows = _places(each, grid, times, getattr(base, "t_end", 0.0))
             values, sigma = _array(each.values, "values"), _array(each.sigma, "sigma")
-            data.append(calibration.Data(each.output, values, sigma, rows))
         except ModelError as error:
             raise error.under("data", place) from None
+        data.append(calibration.Data(each.output, values, sigma, rows))
     return base, data
+
+
+def _places(
+    measured: calibrations.MeasuredOutput, grid: Floats | None, times: Floats | None, t_end: float
+) -> Any:
+    """Return the places of the rows of measurements among all times; None: they are all rows."""
+    if measured.t is not None:
+        if times is None:
+            message = "the base is no history: it has no output times"
+            raise ModelError(("t",), message, code="not_a_history")
+        return _rows(np.array(measured.t), times, t_end)
+    if measured.output not in _HISTORIES:
+        return None
+    if grid is None:
+        message = "a history needs the times t of its values"
+        raise ModelError(("t",), message, code="missing_t")
+    return None if times is None else np.searchsorted(times, grid)
 
 
 def _rows(t: Floats, times: Floats, t_end: float) -> Any:

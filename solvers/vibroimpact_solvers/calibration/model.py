@@ -124,7 +124,7 @@ class Model:
         beyond = self._beyond(result, point.problem, weights)
         off, of_priors = self._priors(x)
         residuals = np.concatenate([(computed - self.measured) / sigma, beyond.residual, off])
-        unmatched = beyond.count
+        unmatched = beyond.unmatched
         if weights is None:
             return Evaluation(x, residuals, None, computed, errors, None, unmatched)
         of_data = _joined([row.rates for row in rows]) / sigma[:, np.newaxis]
@@ -227,16 +227,16 @@ class _Beyond(NamedTuple):
 
     residual: Floats  # (1,)
     rates: Any  # (1, unknown)
-    count: int
+    unmatched: int
 
 
 def _slope(at: Evaluation, ends: list[tuple[float, Evaluation]]) -> Floats:
     """Return the difference quotient of residuals; zero where neither side can be computed."""
     match ends:
         case [(a, first), (b, second)]:
-            return (second.residuals - first.residuals) / (b - a)
+            return np.asarray((second.residuals - first.residuals) / (b - a))
         case [(a, first)]:
-            return (first.residuals - at.residuals) / a
+            return np.asarray((first.residuals - at.residuals) / a)
         case _:
             return np.zeros_like(at.residuals)
 
@@ -245,8 +245,8 @@ def _curvature(at: Evaluation, ends: list[tuple[float, Evaluation]]) -> Floats:
     """Return an estimate of what difference quotients miss, from those of both sides."""
     slopes = [(each.residuals - at.residuals) / step for step, each in ends]
     if len(slopes) == 2:
-        return _STEP * np.abs(slopes[1] - slopes[0])
-    return _ONE_SIDED * np.abs(slopes[0]) if slopes else np.zeros_like(at.residuals)
+        return np.asarray(_STEP * np.abs(slopes[1] - slopes[0]))
+    return _ONE_SIDED * np.abs(slopes[0] if slopes else np.zeros_like(at.residuals))
 
 
 def _lengthened(part: Floats, count: int, fill: float) -> Floats:

@@ -201,4 +201,4 @@ def _guess_at_bound(model: Model, best: Evaluation, place: int) -> float:
     slope, curvature = abs(float(column @ best.residuals)), float(column @ column)
     if curvature == 0.0:
         return float(model.problem.scale[place])
-    return (np.sqrt(slope**2 + curvature * _ROOT**2) - slope) / curvature
+    return float((np.sqrt(slope**2 + curvature * _ROOT**2) - slope) / curvature)

@@ -162,7 +162,7 @@ def _doubt(at: Evaluation, error: Floats, of_model: Floats, sigma: Floats) -> Fl
     rows = np.abs(at.jacobian)
     doubt = np.where(rows > 0.0, rows * error, 0.0).sum(axis=1)
     doubt[: sigma.size] += (of_model + 4.0 * EPS * np.abs(at.computed)) / sigma
-    return doubt
+    return np.asarray(doubt)
 
 
 def _of_searches(best: _Best, unknowns: int) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def _of_searches(best: _Best, unknowns: int) -> dict[str, Any]:
     searches, nowhere = best.searches, np.full(unknowns, np.nan)
     ends = [search.end for search in searches]
     return {
-        "start_from": np.stack([search.start for search in searches]),
+        "start_initial": np.stack([search.start for search in searches]),
         "start_value": np.stack([nowhere if end is None else end.x for end in ends]),
         "start_chi2": np.array([np.nan if end is None else end.chi2 for end in ends]),
         "start_evaluations": np.array([search.evaluations for search in searches]),

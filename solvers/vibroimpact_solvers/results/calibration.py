@@ -48,17 +48,17 @@ def _error(of: str, dims: tuple[str, ...], what: str, **rest: Any) -> Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The values that fit best, how far measurements tell them, and whether the model can be right.
+    """The values that fit best, and what the measurements tell of them.
 
-    Lengths of the measurements are those of what is not null in the data, in its order.
+    Measurements are those that are not null, in the order of the data.
     """
 
     GROUPS: ClassVar[Mapping[str, Group]] = {
         "measurements": Group("Measurements", "All measured numbers, one column each."),
         "directions": Group(
             "Directions",
-            "Principal axes of the covariance, each unknown in parts of its own size; the least "
-            "known direction first.",
+            "Principal axes of the covariance, the least known first; unknowns in parts of their "
+            "sizes.",
         ),
         "starts": Group("Starts", "Searches from each start, one column each."),
         "count": Group("CalibrationCount", "Numbers of computations."),
@@ -69,11 +69,9 @@ class Result:
 
     unknown: Annotated[
         list[str],
-        Quantity(("unknown",), "1", "path of the unknown in the base", True, path="unknown"),
+        Quantity(("unknown",), "1", "path of the unknown in the base", True),
     ]
-    unknown_unit: Annotated[
-        list[str], Quantity(("unknown",), "1", "unit of the unknown", path="unit")
-    ]
+    unknown_unit: Annotated[list[str], Quantity(("unknown",), "1", "unit of the unknown")]
     value: Annotated[
         Floats,
         Quantity(("unknown",), "1", "value that fits best", note=_MIXED, error="error/value"),
@@ -107,7 +105,6 @@ class Result:
             "1",
             "combination of unknowns, relative changes by the sizes of their values, that the data "
             "does not tell",
-            path="undetermined",
         ),
     ]
     residual: Annotated[
@@ -188,8 +185,8 @@ class Result:
             error="error/directions/deviation",
         ),
     ]
-    start_from: Annotated[
-        Floats, _start("from", ("unknown",), "values from which the search began", note=_MIXED)
+    start_initial: Annotated[
+        Floats, _start("initial", ("unknown",), "values from which the search began", note=_MIXED)
     ]
     start_value: Annotated[
         Floats,
