@@ -87,10 +87,12 @@ class Fisher:
         """Return the principal directions."""
         J = self.scaled
         size = J.shape[1]
-        values, rows = np.zeros(size), np.eye(size)
-        if size:
-            _, singular, rows = np.linalg.svd(J, full_matrices=True)
-            values[: singular.size] = singular[:size]
+        if not size:
+            none = np.zeros((0, self.scale.size))
+            return Directions(none, np.zeros(0), none, np.zeros(0))
+        # As many rows as columns at least, for all directions.
+        square = np.concatenate([J, np.zeros((max(0, size - len(J)), size))])
+        _, values, rows = np.linalg.svd(square, full_matrices=False)
         largest = values.max(initial=0.0)
         told = values > self.limit * largest
         with np.errstate(divide="ignore"):
@@ -99,7 +101,7 @@ class Fisher:
         order = np.argsort(values, kind="stable")
         values, deviation, rows = values[order], deviation[order], rows[order]
         signs = np.where(rows[np.arange(size), np.abs(rows).argmax(axis=1)] < 0.0, -1.0, 1.0)
-        rows = rows * signs[:, np.newaxis] if size else rows
+        rows = rows * signs[:, np.newaxis]
         apart = np.array(
             [np.abs(np.delete(values, k) - values[k]).min(initial=np.inf) for k in range(size)]
         )

@@ -57,8 +57,7 @@ class Result:
         "measurements": Group("Measurements", "All measured numbers, one column each."),
         "directions": Group(
             "Directions",
-            "Principal axes of the covariance, the least known first; unknowns in parts of their "
-            "sizes.",
+            "Principal axes of the covariance, the least known first, in parts of the values.",
         ),
         "starts": Group("Starts", "Searches from each start, one column each."),
         "count": Group("CalibrationCount", "Numbers of computations."),
