@@ -32,7 +32,7 @@ def test_the_truth_lies_where_the_covariance_says(store: Store, make: Any) -> No
     # Of as many normal numbers as unknowns: once in 10,000 seeds it lies beyond.
     beyond = float(off @ np.linalg.solve(result.covariance, off))
     assert beyond < scipy.stats.chi2.isf(1e-4, off.size)
-    assert result.model_fits
+    assert result.p > 1e-4
     assert result.converged
     assert (result.interval[:, 0] < result.value).all()
     assert (result.value < result.interval[:, 1]).all()

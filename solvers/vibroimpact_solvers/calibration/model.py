@@ -99,13 +99,20 @@ class Model:
 
     def evaluate(self, x: Floats, *, rates: bool) -> Evaluation | SolverError:
         """Return the residuals at a point, with their Jacobian, or why there are none."""
-        outcome: Evaluation | SolverError = attempt(self._at, x, rates and not self.differences)
-        if isinstance(outcome, SolverError) or not rates:
+        with np.errstate(over="ignore", invalid="ignore"):
+            outcome: Evaluation | SolverError = attempt(self._at, x, rates and not self.differences)
+            if isinstance(outcome, SolverError):
+                return outcome
+            if not np.isfinite(outcome.chi2):
+                return SolverError("the sum of squared residuals is too large for double precision")
+            if not rates:
+                return outcome
+            if outcome.jacobian is None or not np.isfinite(outcome.jacobian).all():
+                outcome = self._differenced(outcome)
+            assert outcome.jacobian is not None
+            if not np.isfinite(outcome.jacobian * self.problem.scale).all():
+                return SolverError("the residuals have no derivatives in double precision")
             return outcome
-        rows = outcome.jacobian
-        if rows is not None and np.isfinite(rows).all():
-            return outcome
-        return self._differenced(outcome)
 
     def _at(self, x: Floats, rates: bool) -> Evaluation:
         look()
