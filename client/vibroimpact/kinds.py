@@ -1428,9 +1428,7 @@ class CalibrationMeasurements(Table):
 
 
 class CalibrationDirections(Table):
-    """Principal axes of the covariance, the least known first; unknowns in parts of their
-    sizes.
-    """
+    """Principal axes of the covariance, the least known first, in parts of the values."""
 
     vector: Floats
     """Components, parts of the sizes of the unknowns, shape (direction, unknown)."""
@@ -2003,9 +2001,7 @@ class Calibration(Result):
     measurements: CalibrationMeasurements
     """All measured numbers, one column each."""
     directions: CalibrationDirections
-    """Principal axes of the covariance, the least known first; unknowns in parts of their
-    sizes.
-    """
+    """Principal axes of the covariance, the least known first, in parts of the values."""
     starts: CalibrationStarts
     """Searches from each start, one column each."""
     count: CalibrationCount

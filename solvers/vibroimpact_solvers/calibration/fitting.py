@@ -126,6 +126,8 @@ def least_squares(
         nonlocal best
         x = first.x.copy()
         x[chosen] = part
+        if not np.isfinite(x).all():
+            return SolverError("the step is not finite")
         if x.tobytes() == first.x.tobytes():
             return first
         if x.tobytes() not in known:
@@ -152,17 +154,22 @@ def least_squares(
         assert outcome.jacobian is not None
         return outcome.jacobian[:, chosen]
 
-    solution = scipy.optimize.least_squares(
-        residuals,
-        first.x[chosen],
-        jac=jacobian,
-        bounds=(bounds[0][chosen], bounds[1][chosen]),
-        x_scale=scale[chosen],
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=None,
-        max_nfev=evaluations,
-    )
+    assert first.jacobian is not None
+    if not (first.jacobian[:, chosen].T @ first.residuals).any():
+        return Fit(first, True)
+    # A slope that is zero to the last bit is divided by itself on the way.
+    with np.errstate(all="ignore"):
+        solution = scipy.optimize.least_squares(
+            residuals,
+            first.x[chosen],
+            jac=jacobian,
+            bounds=(bounds[0][chosen], bounds[1][chosen]),
+            x_scale=scale[chosen],
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=None,
+            max_nfev=evaluations,
+        )
     return Fit(best, solution.status > 0)
 
 
