@@ -24,12 +24,21 @@ from vibroimpact_solvers.results.shared import DERIVATIVES
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "client" / "vibroimpact"
 SCHEMAS = json.loads((ROOT / "openapi" / "openapi.json").read_text())["components"]["schemas"]
-REQUESTS = {name: kind.request.__name__ for name, kind in KINDS.items() if name != "sweep"}
-SWEPT = tuple(one["$ref"].rpartition("/")[2] for one in SCHEMAS["SweepRequest"]["oneOf"])
+REQUESTS = {name: kind.request.__name__ for name, kind in KINDS.items()}
+ABOUT = {
+    "CalibrationRequest": "Unknown numbers of a request, and measurements.",
+    "SweepRequest": "A computation over a parameter grid.",
+}
+"""Requests that are one of several documents, one for each kind of their base."""
+FORMS = {
+    name: tuple(one["$ref"].rpartition("/")[2] for one in SCHEMAS[name]["oneOf"]) for name in ABOUT
+}
 BASES = {DERIVATIVES["derivative"].about: "Derivatives"}
 """What the tables of some groups can do besides."""
 CAPABLE = {"time-history": "Motion"}
 """What results of some kinds can do besides."""
+ALWAYS = ("neglected", "cautions")
+"""What all results have."""
 OTHERS = ("Job", "Plan", "Version", "StoredSystem")
 
 
@@ -38,7 +47,9 @@ OTHERS = ("Job", "Plan", "Version", "StoredSystem")
 
 def documents() -> str:
     """Return the module of documents."""
-    given = _reachable((*REQUESTS.values(), *SWEPT, "Webhook"))
+    single = [name for name in REQUESTS.values() if name not in FORMS]
+    of_bases = [form for forms in FORMS.values() for form in forms]
+    given = _reachable((*single, *of_bases, "Webhook"))
     rest = [name for name in _reachable(OTHERS) if name not in given]
     classes = [_document(name, given=True) for name in given]
     classes += [_document(name, given=False) for name in rest]
@@ -46,11 +57,12 @@ def documents() -> str:
     system = ("MatrixSystem", *(one["$ref"].rpartition("/")[2] for one in presets))
     aliases = {
         "System": ("A structure.", (*system, "SystemReference")),
-        "SweepRequest": ("A computation over a parameter grid.", SWEPT),
-        "Request": ("A request of any kind.", (*REQUESTS.values(), "SweepRequest")),
-        "BaseRequest": (
-            "What a sweep computes at every point.",
-            tuple(REQUESTS[SCHEMAS[one]["properties"]["kind"]["const"]] for one in SWEPT),
+        **{name: (about, FORMS[name]) for name, about in ABOUT.items()},
+        "Request": ("A request of any kind.", tuple(REQUESTS.values())),
+        "BaseRequest": ("What a sweep computes at every point.", _bases("SweepRequest")),
+        "CalibratedRequest": (
+            "What a calibration fits to measurements.",
+            _bases("CalibrationRequest"),
         ),
     }
     kinds = ", ".join(f'"{name}"' for name in KINDS)
@@ -79,6 +91,12 @@ Kind = Literal[{kinds}]
     }
     bases = [_with_keyword(*each)[1] for each in keywords.items()]
     return "\n\n".join([head, *bases, *classes, "\n".join(ends)])
+
+
+def _bases(request: str) -> tuple[str, ...]:
+    """Return the requests that may be the base of a request."""
+    kinds = (SCHEMAS[one]["properties"]["kind"]["const"] for one in FORMS[request])
+    return tuple(REQUESTS[kind] for kind in kinds)
 
 
 def _reachable(roots: tuple[str, ...]) -> list[str]:
@@ -268,6 +286,7 @@ def _result(kind: str, tables: Tables) -> str:
     here = [
         field for field in fields.values() if field.quantity.coordinate or not field.quantity.path
     ]
+    numbers: list[str] = []
     for field in here:
         if field.array or field.quantity.dims:
             dims = ", ".join(names.of(field.quantity))
@@ -275,6 +294,11 @@ def _result(kind: str, tables: Tables) -> str:
                 f"    {field.name}: {_values(field, field.name)}",
                 _doc(_meaning(field, dims)),
             ]
+        elif field.name not in ALWAYS:
+            numbers.append(field.name)
+            lines += [f"    {field.name}: {_values(field, field.name)}", _doc(_meaning(field, ""))]
+    if numbers:
+        lines.insert(2, f"    NUMBERS: ClassVar[tuple[str, ...]] = {tuple(numbers)!r}")
     parts = _groups(solver, fields, names, "", tables, name)
     for part, table in parts.items():
         lines += [f"    {part}: {table}", _doc(solver.GROUPS[part].about)]

@@ -52,6 +52,12 @@ FAULTS = {
         "kinds.append((Type.FLIP, 0))",
         ("tests/solvers/branches",),
     ),
+    "calibration": Fault(  # all that is known is twice as uncertain
+        f"{SOLVERS}/calibration/statistics.py",
+        "deviation = np.where(told & (values > 0.0), 1.0 / values, np.inf)",
+        "deviation = np.where(told & (values > 0.0), 2.0 / values, np.inf)",
+        ("tests/service/test_calibrations.py",),
+    ),
     "attractors": Fault(  # of an impact as a reflection that loses what it should keep
         f"{SOLVERS}/attractors/exponents.py",
         "self._factor = (1.0 + restitution) / np.diagonal(driven.mobility)",

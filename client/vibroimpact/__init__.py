@@ -28,6 +28,7 @@ from vibroimpact.jobs import AsyncJob, Job, Submitted
 from vibroimpact.kinds import (
     Attractors,
     Branches,
+    Calibration,
     Ensemble,
     ExistenceBands,
     ImpactModes,
@@ -43,6 +44,7 @@ from vibroimpact.plans import Plan
 from vibroimpact.requests import (
     attractors_request,
     branches_request,
+    calibration_request,
     ensemble_request,
     existence_bands_request,
     impact_modes_request,
@@ -113,6 +115,7 @@ __all__ = [
     "AsyncJob",
     "Attractors",
     "Branches",
+    "Calibration",
     "Client",
     "ConfigurationError",
     "ConnectionFailed",
@@ -155,6 +158,7 @@ __all__ = [
     "beam",
     "bouncing_ball",
     "branches_request",
+    "calibration_request",
     "chain",
     "condense",
     "constraint",

@@ -39,6 +39,7 @@ class AsyncClient(
         "Later[kinds.TimeHistory]",
         "Later[kinds.Ensemble]",
         "Later[kinds.SlowFlow]",
+        "Later[kinds.Calibration]",
         "Later[kinds.Sweep]",
     ]
 ):

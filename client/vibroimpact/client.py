@@ -37,6 +37,7 @@ class Client(
         kinds.TimeHistory,
         kinds.Ensemble,
         kinds.SlowFlow,
+        kinds.Calibration,
         kinds.Sweep,
     ]
 ):

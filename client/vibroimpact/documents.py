@@ -19,6 +19,7 @@ Kind = Literal[
     "time-history",
     "ensemble",
     "slow-flow",
+    "calibration",
     "sweep",
 ]
 """Kinds of computation."""
@@ -419,6 +420,114 @@ class SlowFlowRequest(TypedDict):
     the impulse parameter p (mass length / time²) and the momentum exchanged at an impact, 2
     p/omega (mass length / time) [time]; error: differences from the exact motion, and its
     impacts. Default: ["state", "x", "v", "error"].
+    """
+
+
+class NaturalFrequenciesCalibration(TypedDict):
+    """Numbers of a structure from its natural frequencies and mode shapes."""
+
+    kind: Literal["natural-frequencies"]
+    base: NaturalFrequenciesRequest
+    """The request whose numbers are unknown; its outputs are those that are measured."""
+    unknowns: Sequence[Unknown]
+    """The unknown numbers."""
+    data: Sequence[MeasuredOutput]
+    """The measurements."""
+    starts: NotRequired[int]
+    """Searches at most: the first from the starts of the unknowns, the others from points
+    between the bounds, within two standard deviations of the prior or, where there is neither,
+    within half the start. They end when two agree on a fit that the data permits. Default: 8.
+    """
+    evaluations: NotRequired[int]
+    """Most evaluations of the model in one search. Default: 100."""
+    seed: NotRequired[int | None]
+    """Of the points from which searches start; absent: made of the data."""
+    outputs: NotRequired[
+        Sequence[
+            Literal[
+                "value", "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"
+            ]
+        ]
+    ]
+    """Outputs; only these are computed, the values always. value: the unknowns that fit best
+    [unknown]; covariance: of the values [unknown, unknown]; interval: 95 % interval of each by
+    profile of the likelihood [unknown, 2]; undetermined: combinations of unknowns that the data
+    does not tell, and all principal directions; residual: measured less computed values, by
+    their standard deviations; chi2: the sum of their squares, its degrees of freedom, and the
+    probability of a larger one; model_fits: whether that is at least 0.05. Default: ["value",
+    "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"].
+    """
+
+
+class ImpactModesCalibration(TypedDict):
+    """Numbers of a structure from its impact modes."""
+
+    kind: Literal["impact-modes"]
+    base: ImpactModesRequest
+    """The request whose numbers are unknown; its outputs are those that are measured."""
+    unknowns: Sequence[Unknown]
+    """The unknown numbers."""
+    data: Sequence[MeasuredOutput]
+    """The measurements."""
+    starts: NotRequired[int]
+    """Searches at most: the first from the starts of the unknowns, the others from points
+    between the bounds, within two standard deviations of the prior or, where there is neither,
+    within half the start. They end when two agree on a fit that the data permits. Default: 8.
+    """
+    evaluations: NotRequired[int]
+    """Most evaluations of the model in one search. Default: 100."""
+    seed: NotRequired[int | None]
+    """Of the points from which searches start; absent: made of the data."""
+    outputs: NotRequired[
+        Sequence[
+            Literal[
+                "value", "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"
+            ]
+        ]
+    ]
+    """Outputs; only these are computed, the values always. value: the unknowns that fit best
+    [unknown]; covariance: of the values [unknown, unknown]; interval: 95 % interval of each by
+    profile of the likelihood [unknown, 2]; undetermined: combinations of unknowns that the data
+    does not tell, and all principal directions; residual: measured less computed values, by
+    their standard deviations; chi2: the sum of their squares, its degrees of freedom, and the
+    probability of a larger one; model_fits: whether that is at least 0.05. Default: ["value",
+    "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"].
+    """
+
+
+class TimeHistoryCalibration(TypedDict):
+    """Numbers of a structure, its load and its start from a record of a motion."""
+
+    kind: Literal["time-history"]
+    base: TimeHistoryRequest
+    """The request whose numbers are unknown; its outputs are those that are measured."""
+    unknowns: Sequence[Unknown]
+    """The unknown numbers."""
+    data: Sequence[MeasuredOutput]
+    """The measurements."""
+    starts: NotRequired[int]
+    """Searches at most: the first from the starts of the unknowns, the others from points
+    between the bounds, within two standard deviations of the prior or, where there is neither,
+    within half the start. They end when two agree on a fit that the data permits. Default: 8.
+    """
+    evaluations: NotRequired[int]
+    """Most evaluations of the model in one search. Default: 100."""
+    seed: NotRequired[int | None]
+    """Of the points from which searches start; absent: made of the data."""
+    outputs: NotRequired[
+        Sequence[
+            Literal[
+                "value", "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"
+            ]
+        ]
+    ]
+    """Outputs; only these are computed, the values always. value: the unknowns that fit best
+    [unknown]; covariance: of the values [unknown, unknown]; interval: 95 % interval of each by
+    profile of the likelihood [unknown, 2]; undetermined: combinations of unknowns that the data
+    does not tell, and all principal directions; residual: measured less computed values, by
+    their standard deviations; chi2: the sum of their squares, its degrees of freedom, and the
+    probability of a larger one; model_fits: whether that is at least 0.05. Default: ["value",
+    "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"].
     """
 
 
@@ -1079,6 +1188,42 @@ class SlowFlowInitial(TypedDict):
     """Velocity; restitution."""
 
 
+class Unknown(TypedDict):
+    """An unknown number of the base."""
+
+    path: str
+    """Its path in the base, as sweeps name it; or system.M.scale, system.K.scale,
+    system.C.scale: a factor of the whole matrix, 1 in the base.
+    """
+    start: float
+    """Where the first search begins, in place of the base's."""
+    lower: NotRequired[float | None]
+    """Smallest value; absent: none."""
+    upper: NotRequired[float | None]
+    """Largest value; absent: none."""
+    prior: NotRequired[Prior | None]
+    """Absent: nothing is known beforehand."""
+
+
+class MeasuredOutput(TypedDict):
+    """Measurements of one output of the base, with normal noise that is not correlated."""
+
+    output: str
+    """Its path in results, with dots: a numeric output that has derivatives."""
+    values: (
+        Sequence[float | None]
+        | Sequence[Sequence[float | None]]
+        | Sequence[Sequence[Sequence[float | None]]]
+    )
+    """Measured values in the shape of the output, null where nothing was measured. Of modes
+    the lowest ones; of impacts all from 0 to t_end, in their order.
+    """
+    sigma: float | Sequence[float] | Sequence[Sequence[float]]
+    """Standard deviation of the noise: one number, or one for each value, in the same shape."""
+    t: NotRequired[Sequence[float] | None]
+    """Times of the rows of a history, ascending, in place of the base's t; absent: these."""
+
+
 class AxisValues(TypedDict):
     """A list of values, in any order."""
 
@@ -1257,6 +1402,15 @@ class Member(TypedDict):
     """Its fundamental angular frequency."""
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints at which it has impacts; absent: all."""
+
+
+class Prior(TypedDict):
+    """What is known of an unknown beforehand: a normal distribution."""
+
+    mean: float
+    """Its mean."""
+    sigma: float
+    """Its standard deviation."""
 
 
 class RayleighRatios(TypedDict):
@@ -1567,6 +1721,9 @@ System = (
 )
 """A structure."""
 
+CalibrationRequest = NaturalFrequenciesCalibration | ImpactModesCalibration | TimeHistoryCalibration
+"""Unknown numbers of a request, and measurements."""
+
 SweepRequest = (
     NaturalFrequenciesSweep
     | ImpactModesSweep
@@ -1590,6 +1747,7 @@ Request = (
     | TimeHistoryRequest
     | EnsembleRequest
     | SlowFlowRequest
+    | CalibrationRequest
     | SweepRequest
 )
 """A request of any kind."""
@@ -1605,3 +1763,6 @@ BaseRequest = (
     | SlowFlowRequest
 )
 """What a sweep computes at every point."""
+
+CalibratedRequest = NaturalFrequenciesRequest | ImpactModesRequest | TimeHistoryRequest
+"""What a calibration fits to measurements."""

@@ -1410,6 +1410,123 @@ class SlowFlowError(Table):
     """Differences of this variant from the exact motion."""
 
 
+class CalibrationMeasurements(Table):
+    """All measured numbers, one column each."""
+
+    data: Integers
+    """Index of the entry of data, shape (measurement)."""
+    index: Integers
+    """Place in its values, row by row, shape (measurement)."""
+    measured: Floats
+    """Measured value, shape (measurement)."""
+    sigma: Floats
+    """Standard deviation of the noise, shape (measurement)."""
+    computed: Floats
+    """Value of the model at the best fit, shape (measurement); in the unit of the output; of
+    an impact that the model lacks the end of the record, or the measured value.
+    """
+
+
+class CalibrationDirections(Table):
+    """Principal axes of the covariance, the least known first, in parts of the values."""
+
+    vector: Floats
+    """Components, parts of the sizes of the unknowns, shape (direction, unknown)."""
+    deviation: Floats
+    """Standard deviation along it, in parts of the sizes of the unknowns, shape (direction);
+    nan: the data does not tell it.
+    """
+
+
+class CalibrationStarts(Table):
+    """Searches from each start, one column each."""
+
+    initial: Floats
+    """Values from which the search began, shape (start, unknown); in the units of the
+    unknowns.
+    """
+    value: Floats
+    """Values at which it ended, shape (start, unknown); in the units of the unknowns; nan:
+    nothing can be computed at the start.
+    """
+    chi2: Floats
+    """Chi2 at its end, shape (start); nan: nothing can be computed at the start."""
+    evaluations: Integers
+    """Evaluations of the model, shape (start)."""
+    status: Words
+    """How the search ended, shape (start)."""
+
+
+class CalibrationCount(Table):
+    """Numbers of computations."""
+
+    evaluations: int
+    """Computations of the base, those for differences included."""
+    differences: int
+    """Computations for differences alone."""
+    unmatched: int
+    """Impacts that the model has and the data has not, or the other way round, at the best
+    fit.
+    """
+
+
+class CalibrationErrorMeasurements(Table):
+    """Errors of columns of the measurements."""
+
+    computed: Floats
+    """Absolute error of the computed value, shape (measurement); nan: the motion is not
+    predictable as long as the record.
+    """
+
+
+class CalibrationErrorDirections(Table):
+    """Errors of columns of the directions."""
+
+    vector: Floats
+    """Absolute error of the components, shape (direction, unknown); nan: the direction cannot
+    be told from its neighbours.
+    """
+    deviation: Floats
+    """Absolute error of the standard deviation, shape (direction); nan: the data does not tell
+    it.
+    """
+
+
+class CalibrationError(Table):
+    """Numerical errors of the outputs."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "measurements": CalibrationErrorMeasurements,
+        "directions": CalibrationErrorDirections,
+    }
+    value: Floats
+    """Absolute error of the value, without the noise of the data, shape (unknown); nan: the
+    motion is not predictable as long as the record.
+    """
+    covariance: Floats
+    """Absolute error of the covariance, shape (unknown, other); nan: the data does not tell
+    it, or it is at a bound.
+    """
+    interval: Floats
+    """Absolute error of the end, shape (unknown, end); nan: no end: the data does not bound
+    it.
+    """
+    residual: Floats
+    """Absolute error of the residual, shape (measurement); nan: the motion is not predictable
+    as long as the record.
+    """
+    chi2: float
+    """Absolute error of the chi2; nan: the motion is not predictable as long as the record."""
+    p: float
+    """Absolute error of the probability."""
+    statement: str
+    """How the errors were obtained."""
+    measurements: CalibrationErrorMeasurements
+    """Errors of columns of the measurements."""
+    directions: CalibrationErrorDirections
+    """Errors of columns of the directions."""
+
+
 class NaturalFrequencies(Result):
     """Natural frequencies and mode shapes, ascending; shapes have unit modal mass."""
 
@@ -1650,7 +1767,10 @@ class Attractors(Result):
         "settled": AttractorsSettled,
         "error": AttractorsError,
     }
+    NUMBERS: ClassVar[tuple[str, ...]] = ("Omega",)
     request: documents.AttractorsRequest
+    Omega: float
+    """Frequency of the drive, 1/time."""
     dof: Integers
     """Index of the degree of freedom, shape (dof)."""
     motion: Integers
@@ -1816,6 +1936,80 @@ class SlowFlow(Result):
     """Absolute errors of the outputs of this variant, and times taken."""
 
 
+class Calibration(Result):
+    """The values that fit best, and what the measurements tell of them.
+
+    Measurements are those that are not null, in the order of the data.
+    """
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "measurements": CalibrationMeasurements,
+        "directions": CalibrationDirections,
+        "starts": CalibrationStarts,
+        "count": CalibrationCount,
+        "error": CalibrationError,
+    }
+    NUMBERS: ClassVar[tuple[str, ...]] = (
+        "chi2",
+        "degrees_of_freedom",
+        "p",
+        "model_fits",
+        "best",
+        "converged",
+    )
+    request: documents.CalibrationRequest
+    unknown: Words
+    """Path of the unknown in the base, shape (unknown)."""
+    unknown_unit: Words
+    """Unit of the unknown, shape (unknown)."""
+    value: Floats
+    """Value that fits best, shape (unknown); in the units of the unknowns."""
+    covariance: Floats
+    """Covariance of the values, shape (unknown, other); in the units of the unknowns; of the
+    equations made linear, for unknowns that are not at a bound; nan: the data does not tell it,
+    or it is at a bound.
+    """
+    interval: Floats
+    """95 % interval of each unknown, lower and upper end, shape (unknown, end); in the units
+    of the unknowns; by profile of the likelihood, cut at the bounds; nan: no end: the data does
+    not bound it.
+    """
+    undetermined: Words
+    """Combination of unknowns, relative changes by the sizes of their values, that the data
+    does not tell, shape (undetermined).
+    """
+    residual: Floats
+    """Measured less computed value, by its standard deviation, shape (measurement)."""
+    chi2: float
+    """Sum of the squared residuals; with a term for each prior, and for impacts that the model
+    has beyond those measured.
+    """
+    degrees_of_freedom: int
+    """Measurements and priors less the combinations that they determine."""
+    p: float
+    """Probability of a larger chi2 if model and noise are right; absent without degrees of
+    freedom.
+    """
+    model_fits: bool
+    """Whether p is at least 0.05: the data does not reject the model; absent without degrees
+    of freedom.
+    """
+    best: int
+    """Index of the start that led to the best fit."""
+    converged: bool
+    """Whether the search from that start converged."""
+    measurements: CalibrationMeasurements
+    """All measured numbers, one column each."""
+    directions: CalibrationDirections
+    """Principal axes of the covariance, the least known first, in parts of the values."""
+    starts: CalibrationStarts
+    """Searches from each start, one column each."""
+    count: CalibrationCount
+    """Numbers of computations."""
+    error: CalibrationError
+    """Numerical errors of the outputs."""
+
+
 class Sweep(Result):
     """Outputs of the base over a parameter grid."""
 
@@ -1835,6 +2029,7 @@ KINDS: Final[dict[str, type[Result]]] = {
     "time-history": TimeHistory,
     "ensemble": Ensemble,
     "slow-flow": SlowFlow,
+    "calibration": Calibration,
     "sweep": Sweep,
 }
 """Name of a kind -> class of its results."""

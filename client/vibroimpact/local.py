@@ -34,6 +34,7 @@ class Local(
         kinds.TimeHistory,
         kinds.Ensemble,
         kinds.SlowFlow,
+        kinds.Calibration,
         kinds.Sweep,
     ]
 ):

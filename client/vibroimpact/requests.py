@@ -26,6 +26,7 @@ class _Requests(
         "documents.TimeHistoryRequest",
         "documents.EnsembleRequest",
         "documents.SlowFlowRequest",
+        "documents.CalibrationRequest",
         "documents.SweepRequest",
     ]
 ):
@@ -56,5 +57,7 @@ ensemble_request = REQUESTS.ensemble
 """Return the request document that `Client.ensemble` sends."""
 slow_flow_request = REQUESTS.slow_flow
 """Return the request document that `Client.slow_flow` sends."""
+calibration_request = REQUESTS.calibration
+"""Return the request document that `Client.calibration` sends."""
 sweep_request = REQUESTS.sweep
 """Return the request document that `Client.sweep` sends."""

@@ -18,7 +18,7 @@ import numpy as np
 from vibroimpact.errors import MissingExtra
 from vibroimpact.grids import angular
 from vibroimpact.parts import Dataset, Group, Parts
-from vibroimpact.tables import Array, Table, decoded, is_group_of
+from vibroimpact.tables import Array, Table, decoded, is_group_of, single
 
 if TYPE_CHECKING:
     import h5py
@@ -58,6 +58,8 @@ class ResultFile:
 
     PARTS: ClassVar[Mapping[str, type[Table]]] = {}
     """Name of a table -> its class."""
+    NUMBERS: ClassVar[tuple[str, ...]] = ()
+    """Names of outputs that are one number."""
 
     def __init__(self, content: bytes | Path | Parts) -> None:
         self._content = content
@@ -72,6 +74,8 @@ class ResultFile:
             self.of = str(file.attrs.get("of", self.kind))
             self.neglected = tuple(str(file.attrs.get("neglected", "")).splitlines())
             self.cautions = tuple(str(file.attrs.get("cautions", "")).splitlines())
+            there = [name for name in self.NUMBERS if name in file.attrs]
+            self._numbers = {name: single(file.attrs[name]) for name in there}
 
     def _array_names(self) -> list[str]:
         return self._names[0]
@@ -118,9 +122,11 @@ class ResultFile:
             return self.PARTS.get(name, Table).of(file[name])
 
     def __getattr__(self, name: str) -> Any:
-        """Return an output, as an array or as a table."""
+        """Return an output, as a number, an array or a table."""
         if name.startswith("_"):
             raise AttributeError(name)
+        if name in self._numbers:
+            return self._numbers[name]
         if name not in self:
             raise AttributeError(self._without(name))
         return self._arrays[name] if name in self._arrays else self._tables[name]
@@ -139,12 +145,12 @@ class ResultFile:
         )
 
     def __iter__(self) -> Iterator[str]:
-        """Yield the names of the arrays and of the tables."""
-        yield from (*self._arrays, *self._tables)
+        """Yield the names of the arrays, of the tables and of single numbers."""
+        yield from (*self._arrays, *self._tables, *self._numbers)
 
     def __contains__(self, name: object) -> bool:
-        """Return whether there is an array or a table of that name: ``"impulse" in result``."""
-        return name in self._arrays or name in self._tables
+        """Return whether there is an output of that name: ``"impulse" in result``."""
+        return name in self._arrays or name in self._tables or name in self._numbers
 
     def __dir__(self) -> list[str]:
         """Return the names of all attributes, outputs included."""

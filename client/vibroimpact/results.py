@@ -6,7 +6,7 @@ import html
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from vibroimpact import natural_modes, notebook, plots, sweep_plots
+from vibroimpact import calibration_plots, natural_modes, notebook, plots, sweep_plots
 from vibroimpact.result_file import ResultFile
 from vibroimpact.summary import summary
 from vibroimpact.tables import Array, Table, html_table
@@ -63,8 +63,8 @@ class Result(ResultFile):
         ax : Axes, optional
             Axes to draw in; default: those of a new figure.
         output : str, optional
-            Output of impact modes, of natural frequencies or of a sweep; default: the most telling
-            one, or the first.
+            Output of impact modes, natural frequencies, a calibration or a sweep; default: the
+            most telling one, or the first.
         at : mapping, optional
             For a sweep: dimension -> value at which it is held fixed.
 
@@ -85,6 +85,8 @@ class Result(ResultFile):
             return plots.mode_plot(output or self._most_telling())(self, ax=ax)
         if self.kind == "natural-frequencies":
             return natural_modes.plot_of(output)(self, ax=ax)
+        if self.kind == "calibration":
+            return calibration_plots.plot_of(output, self, ax)
         if output is not None:
             raise ValueError(f"{self.kind} has one plot only, so that output cannot be chosen")
         drawing: dict[str, Callable[..., Axes]] = {

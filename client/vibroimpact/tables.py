@@ -34,8 +34,8 @@ class Table(Mapping[str, Any]):
             k: cls.PARTS.get(k, Table).of(v) if is_group(v) else decoded(v)
             for k, v in group.items()
         }
-        single = {k: _single(v) for k, v in group.attrs.items() if not k.startswith("_")}
-        return cls({**columns, **single})
+        numbers = {k: single(v) for k, v in group.attrs.items() if not k.startswith("_")}
+        return cls({**columns, **numbers})
 
     def __getitem__(self, name: str) -> Any:
         """Return a column."""
@@ -130,6 +130,6 @@ def _cell(value: Any) -> str:
     return f"{value:.8g}" if isinstance(value, float | np.floating) else str(value)
 
 
-def _single(value: Any) -> Any:
+def single(value: Any) -> Any:
     """Return a number that a file holds as an array of one."""
     return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value

@@ -22,12 +22,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from vibroimpact_schema import branches as branch_requests
-from vibroimpact_schema import requests, results, slow_flows, sweeps
+from vibroimpact_schema import calibrations, requests, results, slow_flows, sweeps
 from vibroimpact_service import problems
 from vibroimpact_service.result_documents import document
 from vibroimpact_solvers.results import (
     attractors,
     branches,
+    calibration,
     ensemble,
     existence_bands,
     impact_modes,
@@ -101,6 +102,7 @@ class Kind:
     request: (
         type[requests.ComputationRequest]
         | type[branch_requests.BranchesRequest]
+        | type[calibrations.CalibrationRequest]
         | type[sweeps.SweepRequest]
     )
     result: type[results.Result]
@@ -194,6 +196,14 @@ KINDS: Final[Mapping[str, Kind]] = {
             slow_flows.SlowFlowRequest,
             document("slow-flow", slow_flow.Result),
             extent="t",
+        ),
+        Kind(
+            "calibration",
+            "Calibration",
+            calibrations.CalibrationRequest,
+            document("calibration", calibration.Result),
+            structure=("base", "system"),
+            extent="data",
         ),
         Kind(
             "sweep",

@@ -58,6 +58,8 @@ class Stage(StrEnum):
     FREE_MOTION = "flight"  # the name in plan documents
     HISTORY = "history"
     SLOW_FLOW = "slow_flow"
+    FIT = "fit"
+    PROFILE = "profile"
 
 
 @dataclass(frozen=True, slots=True)

@@ -164,6 +164,16 @@ def test_the_sweeps_page() -> None:
     assert up > down > 0
 
 
+def test_the_calibration_page() -> None:
+    """The rig is what it was made with, within what the data tells."""
+    fit = _run("docs/calibration.md")["fit"]
+    assert fit.model_fits
+    assert np.abs(fit.value - [0.45, 0.75, 0.04]).max() < 0.01
+    assert (fit.interval[:, 0] < fit.value).all()
+    assert (fit.value < fit.interval[:, 1]).all()
+    assert len(fit.undetermined) == 0
+
+
 def test_the_plots_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     _run("docs/plots.md")

@@ -28,7 +28,7 @@ STATES = np.zeros((2, 3)), np.ones((2, 3))
 START = {"gamma": 0.2}
 
 
-class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]):
+class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]):
     """Returns the kind and the request instead of a result."""
 
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
@@ -69,6 +69,17 @@ class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any, An
             vi.attractors_request,
             (CHAIN, 1.0, [vi.drive(0, 1.0)], *STATES),
             {"section": "impacts", "observe": 50},
+        ),
+        (
+            "calibration",
+            vi.calibration_request,
+            (
+                "natural-frequencies",
+                {"system": CHAIN},
+                {"system.stiffness": (1.0, 0.5, None)},
+                [{"output": "Omega", "values": [0.3, float("nan")], "sigma": 0.01}],
+            ),
+            {"starts": 3, "outputs": "interval"},
         ),
         ("time_history", vi.time_history_request, (CHAIN, 2.0, 10), {"t": 7, "digits": 30}),
         ("ensemble", vi.ensemble_request, (CHAIN, *STATES, 10.0), {"dofs": [1]}),

@@ -36,6 +36,11 @@ EXACT = {
     "derivative/distance": "to first order, where a derivative begins to exist",
     "points/error": "an error",
     "impacts/condition": "an error, of the state",
+    "measurements/measured": "of the request",
+    "measurements/sigma": "of the request",
+    "starts/initial": "chosen",
+    "starts/value": "where a search ended; that of the best fit has an error",
+    "starts/chi2": "where a search ended; that of the best fit has an error",
 }
 """Numbers without an error, and why; `resonances` computes its ``Omega``."""
 COMPUTED = {("resonances", "Omega")}
@@ -82,6 +87,8 @@ def requests(kind: str) -> Iterator[dict[str, Any]]:
             yield {**request, "base": whole("periodic-motions", request["base"])}
         elif kind == "attractors":
             yield from ({**whole(kind, request), "section": of} for of in ("phase", "impacts"))
+        elif kind == "calibration":
+            yield request
         elif kind == "sweep":
             base = whole(request["kind"], request["base"])
             yield {**request, "base": base, "outputs": base["outputs"]}

@@ -11,7 +11,7 @@ import pytest
 
 from vibroimpact_schema import examples
 from vibroimpact_service import kinds
-from vibroimpact_service.documents import branch_paths, decode, sweep_axes
+from vibroimpact_service.documents import branch_paths, decode, sweep_axes, unknowns
 from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers.arrays import declared
@@ -32,6 +32,8 @@ class TestEveryKind:
             assert callable(sweep_axes.problem)
         elif kind.name == "branches":
             assert callable(branch_paths.problem)
+        elif kind.name == "calibration":
+            assert callable(unknowns.problem)
         else:
             assert callable(getattr(decode, kind.identifier))
 

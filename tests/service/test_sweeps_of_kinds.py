@@ -181,6 +181,7 @@ def test_all_kinds_are_here() -> None:
         "sweep",
         "ensemble",
         "branches",
+        "calibration",
     }  # an axis each of their own
 
 

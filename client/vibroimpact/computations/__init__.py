@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
+from vibroimpact import measurements
 from vibroimpact.arguments import names
 from vibroimpact.computations.driven import Curves, DrivenComputations, Motions, Settled
+from vibroimpact.computations.fields import integer, present
 from vibroimpact.computations.histories import History, HistoryComputations, Many, Slow
 from vibroimpact.computations.modes import Bands, ModeComputations, Modes, Natural, Resonant
 from vibroimpact.grids import axis
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
         "slow-flow",
     ]
 
+    Calibrated = Literal["natural-frequencies", "impact-modes", "time-history"]
+
+Fitted = TypeVar("Fitted")
 Grid = TypeVar("Grid")
 
 
@@ -34,7 +39,20 @@ class Computations(
     ModeComputations[Natural, Modes, Bands, Resonant],
     DrivenComputations[Motions, Curves, Settled],
     HistoryComputations[History, Many, Slow],
-    Generic[Natural, Modes, Bands, Resonant, Motions, Curves, Settled, History, Many, Slow, Grid],
+    Generic[
+        Natural,
+        Modes,
+        Bands,
+        Resonant,
+        Motions,
+        Curves,
+        Settled,
+        History,
+        Many,
+        Slow,
+        Fitted,
+        Grid,
+    ],
 ):
     """One method for each kind of computation: it makes the request document and computes it.
 
@@ -133,6 +151,15 @@ class Computations(
 
     @overload
     def compute(
+        self,
+        kind: Literal["calibration"],
+        request: documents.CalibrationRequest,
+        *,
+        progress: bool = False,
+    ) -> Fitted: ...
+
+    @overload
+    def compute(
         self, kind: Literal["sweep"], request: documents.SweepRequest, *, progress: bool = False
     ) -> Grid: ...
 
@@ -158,6 +185,61 @@ class Computations(
             If the computation is to be done in this process and the solvers are not installed.
         """
         return self._compute(kind, request, progress=progress)
+
+    def calibration(
+        self,
+        kind: Calibrated,
+        base: documents.CalibratedRequest,
+        unknowns: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+        data: Sequence[Mapping[str, Any]],
+        *,
+        starts: int | None = None,
+        evaluations: int | None = None,
+        seed: int | None = None,
+        outputs: Sequence[str] | None = None,
+        progress: bool = False,
+    ) -> Fitted:
+        """Find unknown numbers of a request from measurements of its outputs.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of computation, such as ``"time-history"``.
+        base : dict
+            A request of that kind, for example from `time_history_request`; its outputs are those
+            that are measured.
+        unknowns : mapping or sequence of dict
+            Path of a number in the base -> where the search starts, (start, lower, upper), or a
+            dictionary with start and, where wanted, lower, upper and prior (mean, sigma).
+        data : sequence of dict
+            Measurements, each with ``output``, such as ``"impacts.time"`` or ``"x"``, ``values`` in
+            its shape (nan: not measured), ``sigma``, the standard deviation of the noise, and of
+            histories the times ``t``; absent: those of the base.
+        starts : int, optional
+            Searches at most; default: 8. They end when two agree on a fit that the data permits.
+        evaluations : int, optional
+            Most evaluations of the model in one search; default: 100.
+        seed : int, optional
+            Of the points from which searches start; default: made of the data.
+        outputs : sequence of str, optional
+            covariance, interval, undetermined, residual, chi2, model_fits; default: all.
+        progress : bool
+            Show a progress bar while a job runs.
+        """
+        request: Document = {
+            "kind": kind,
+            "base": dict(base),
+            "unknowns": measurements.unknowns(unknowns),
+            "data": measurements.measured(data),
+        }
+        options = present(
+            starts=integer("starts", starts),
+            evaluations=integer("evaluations", evaluations),
+            seed=integer("seed", seed),
+            outputs=None if outputs is None else names(outputs),
+        )
+        answer: Fitted = self._compute("calibration", request | options, progress=progress)
+        return answer
 
     def sweep(
         self,

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from vibroimpact_schema import systems
 from vibroimpact_schema.branches import BranchesRequest
+from vibroimpact_schema.calibrations import CalibrationRequest
 from vibroimpact_schema.problems import Fault
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
@@ -69,7 +70,7 @@ def check(request: Any, settings: Settings) -> None:
     if isinstance(request, SweepRequest):
         _check_parameter_grid(request, settings)
         request, where = request.base, "/base"
-    elif isinstance(request, BranchesRequest):
+    elif isinstance(request, BranchesRequest | CalibrationRequest):
         request, where = request.base, "/base"
     check_system(request.system, settings, f"{where}/system")
     for name, points in (("frequency", "frequencies"), ("t", "times")):
@@ -90,8 +91,8 @@ def check_grids(request: Any) -> None:
     grids = dict[str, Any]()
     if isinstance(request, SweepRequest):
         grids |= {f"/axes/{place}": axis for place, axis in enumerate(request.root.axes)}
-    swept = isinstance(request, SweepRequest | BranchesRequest)
-    base, where = (request.base, "/base") if swept else (request, "")
+    varied = isinstance(request, SweepRequest | BranchesRequest | CalibrationRequest)
+    base, where = (request.base, "/base") if varied else (request, "")
     grids |= {f"{where}/{name}": getattr(base, name, None) for name in ("frequency", "t")}
     for pointer, grid in grids.items():
         if (count := _points(grid)) > _MOST_VALUES:

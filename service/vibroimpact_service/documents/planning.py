@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from vibroimpact_schema.branches import BranchesRequest
+from vibroimpact_schema.calibrations import CalibrationRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import StructuralDamping, SystemReference
 from vibroimpact_service import problems
@@ -108,7 +109,7 @@ def plan(
     sent = kind.extent in getattr(document, "root", document).model_fields_set
     meter = _Meter(settings, tick, (kind.extent,) if sent else kind.structure)
     # The numerical libraries load at the first request.
-    from vibroimpact_service.documents import branch_paths, damped, decode, sweep_axes
+    from vibroimpact_service.documents import branch_paths, damped, decode, sweep_axes, unknowns
 
     sent_system = document.system
     if isinstance(document.system, SystemReference):
@@ -132,6 +133,9 @@ def plan(
                 planned = _plan_of_sweep(problem, meter)
             elif isinstance(document, BranchesRequest):
                 problem = branch_paths.problem(document, system)
+                planned = solver.plan(problem)
+            elif isinstance(document, CalibrationRequest):
+                problem = unknowns.problem(document, system)
                 planned = solver.plan(problem)
             else:
                 problem = decode.problem(kind, document, system, meter)
@@ -188,8 +192,12 @@ def _as_sent(error: SolverError, kind: Kind, system: Any) -> SolverError:
     return ModelError(pointer, error.message, code=error.code)
 
 
-_LARGE: Final[Mapping[type, str]] = {SweepRequest: "/axes", BranchesRequest: "/points"}
-"""Documents without outputs of their own -> the field with which their results grow."""
+_LARGE: Final[Mapping[type, str]] = {
+    SweepRequest: "/axes",
+    BranchesRequest: "/points",
+    CalibrationRequest: "/data",
+}
+"""Documents that do not grow with their outputs -> the field with which their results grow."""
 
 
 def _large(document: Any, planned: Plan, most: int) -> str:

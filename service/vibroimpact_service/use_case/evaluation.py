@@ -14,6 +14,7 @@ from typing import Final, TypeVar
 import structlog
 
 from vibroimpact_schema.branches import BranchesRequest
+from vibroimpact_schema.calibrations import CalibrationRequest
 from vibroimpact_schema.plans import Plan as PlanDocument
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
@@ -318,9 +319,9 @@ class Evaluation:
         return Answer(result, _CACHE_STATUS[how], outcome.seconds)
 
     def _is_warm(self, request: Request) -> bool:
-        """Whether the kernels for a request are compiled; those of a sweep are its base's too."""
+        """Whether the kernels for a request are compiled, and those of its base."""
         kinds = [request.kind.name]
-        if isinstance(request.document, SweepRequest):
+        if isinstance(request.document, SweepRequest | CalibrationRequest):
             kinds.append(request.document.root.kind)
         elif isinstance(request.document, BranchesRequest):
             kinds.append("periodic-motions")

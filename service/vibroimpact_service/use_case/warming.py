@@ -53,7 +53,7 @@ Motions with rigid and with soft limiters have no long kernel in common: one aft
 would keep one core busy when all others have finished.
 """
 _SHARED: Final = (
-    ("time-history", "ensemble", "attractors"),
+    ("time-history", "ensemble", "attractors", "calibration"),
     ("impact-modes", "existence-bands", "resonances", "natural-frequencies", "sweep"),
     ("periodic-motions", "branches"),
     (_SOFT,),
