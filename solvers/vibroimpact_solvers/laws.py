@@ -163,6 +163,7 @@ OFFERED: Final[dict[str, frozenset[str]]] = {
     "time-history": frozenset({Rigid.name, Linear.name}),
     "ensemble": frozenset({Rigid.name, Linear.name}),
     "periodic-motions": frozenset({Rigid.name, Linear.name}),
+    "branches": frozenset({Rigid.name, Linear.name}),
     "attractors": frozenset({Rigid.name, Linear.name}),
 }
 """Kinds -> names of the laws that they compute; rigid stops where a kind is not listed."""
