@@ -146,6 +146,17 @@ class Contacts(Curve):
         ahead[: self.m], ahead[-1] = tangent[: self.m], tangent[-1]
         return other, point, other.tangent(other.slopes(point), ahead)
 
+    def regular(self, first: Floats, last: Floats) -> tuple[Curve, Floats, Floats]:
+        """Return two points on a curve whose equations are regular where multipliers are 1."""
+        if not (self.m and self.plain):
+            return self, first, last
+        other, one, _ = self.twin(first, last - first)
+        return other, one, other.point(self.motion(last), self.whole(last), float(last[-1]))
+
+    def of_regular(self, x: Floats) -> Floats:
+        """Return a point, or a tangent, of that curve as one of this."""
+        return np.append(x[: self.m], x[-1]) if self.m and self.plain else x
+
     def begin(self, one: Orbit, part: float) -> Floats:
         """Return the point of a motion, whose velocities become the units of those of the curve."""
         cell = one.cell
@@ -384,6 +395,8 @@ class Contacts(Curve):
     def unlike(self, x: Floats) -> Floats:
         """Return how unlike both halves of a repeated motion are, (m / 2,)."""
         half = self.m // 2
+        if self.m % 2 or self.switchings[:half] != self.switchings[half:]:
+            return np.zeros(1)  # one half has contacts that the other one lacks
         return np.asarray(x[half : 2 * half] - x[:half] - 0.5 * self.period)
 
 

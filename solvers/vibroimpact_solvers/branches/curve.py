@@ -175,6 +175,14 @@ class Curve(ABC):
     def unlike(self, x: Floats) -> Floats:
         """Return how unlike both halves of a repeated motion are."""
 
+    def regular(self, first: Floats, last: Floats) -> tuple[Curve, Floats, Floats]:
+        """Return two points on a curve whose equations are regular where multipliers are 1."""
+        return self, first, last
+
+    def of_regular(self, x: Floats) -> Floats:
+        """Return a point, or a tangent, of that curve as one of this."""
+        return x
+
     def rests(self, end: Floats, last: Floats) -> bool:
         """Whether a point at the end of the range, after the last one, is one of rest."""
         return False
@@ -338,7 +346,7 @@ class Curve(ABC):
                 return _ended(places, change)
             if not 0.0 <= point[-1] <= 1.0:
                 end = self._end(place.x, point)
-                if end is not None:
+                if end is not None and np.abs(end - place.x).max() > _CLOSE:
                     places.append(replace(next_place, x=end))
                 break
             place = next_place

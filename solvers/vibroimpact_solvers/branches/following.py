@@ -74,10 +74,10 @@ def followed(
 ) -> Branch:
     """Return the branch through a point, in both directions, with its special points."""
     ahead = np.eye(1, seed.size, seed.size - 1)[0] if direction is None else direction
-    arcs, closed = _onwards(curve, seed, ahead, halves(curve) if one_way else _never)
+    arcs, closed = _onwards(curve, seed, ahead, halves if one_way else _endless)
     begin = 0, 0
     if arcs and not one_way and not closed:
-        back, _ = _onwards(curve, seed, -arcs[0].places[0].tangent, _never)
+        back, _ = _onwards(curve, seed, -arcs[0].places[0].tangent, _endless)
         if back:
             first, *others = back
             turned = [arc.reversed() for arc in reversed(others)]
@@ -93,8 +93,8 @@ def followed(
     return Branch(_cut(arcs, *begin))
 
 
-def _never(x: Floats) -> bool:
-    return False
+def _endless(curve: Curve) -> Callable[[Floats], bool]:
+    return lambda x: False
 
 
 def _in_order(arc: Arc, points: list[Special]) -> list[Special]:
@@ -102,16 +102,17 @@ def _in_order(arc: Arc, points: list[Special]) -> list[Special]:
 
 
 def _onwards(
-    curve: Curve, x: Floats, direction: Floats, finished: Callable[[Floats], bool]
+    curve: Curve, x: Floats, direction: Floats, until: Callable[[Curve], Callable[[Floats], bool]]
 ) -> tuple[list[Arc], bool]:
     """Return the arcs of a branch from a point on, and whether it has come back to that."""
     arcs, most, begun = list[Arc](), curve.problem.points, x
     first, pending, passed = curve, None, 0
     while most > 0 and len(arcs) < _ARCS:
+        finished = until(curve)
         places, change = curve.trace(x, direction, finished, most)
         if not places:
             break
-        arc, finished = Arc(curve, places), _never
+        arc = Arc(curve, places)
         most -= len(places)
         if pending is not None:
             arc.mark(pending, 0)

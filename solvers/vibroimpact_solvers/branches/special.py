@@ -102,7 +102,8 @@ def _changes(curve: Curve, turning: Floats, at: Tests, k: int) -> list[tuple[Typ
 
 def _located(curve: Curve, places: list[Place], k: int, kind: Type, which: int) -> Special | None:
     """Return the point of a segment at which a test function changes sign."""
-    first, last = places[k].x, places[k + 1].x
+    own = curve
+    curve, first, last = own.regular(places[k].x, places[k + 1].x)
     length = float(np.linalg.norm(last - first))
     across = (last - first) / length
 
@@ -128,7 +129,9 @@ def _located(curve: Curve, places: list[Place], k: int, kind: Type, which: int) 
         return None
     here = curve.value(x)
     error = max(abs(each - here) for each in near) + 16.0 * EPS * (abs(here) + abs(curve.span))
-    return Special(kind, x, tangent, k, True, error, width * length)
+    tangent = own.of_regular(tangent)
+    tangent = tangent / np.linalg.norm(tangent)
+    return Special(kind, own.of_regular(x), tangent, k, True, error, width * length)
 
 
 def half_bracket(value: Callable[[float, float], float], s: float) -> float:

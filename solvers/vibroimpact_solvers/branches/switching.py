@@ -37,16 +37,12 @@ def outwards(new: Curve, x: Floats, tangent: Floats) -> tuple[Floats, Floats] | 
 def halves(curve: Curve) -> Callable[[Floats], bool]:
     """Return the test of whether a branch has come back to the motions that it began at.
 
-    The difference of the two halves of its motions then changes sign.
+    The difference of the two halves of its motions then turns round from one point to the next.
     """
-    begun: list[tuple[int, float]] = []
+    last: list[Floats] = []
 
     def finished(x: Floats) -> bool:
-        apart = curve.unlike(x)
-        if not begun:
-            which = int(np.argmax(np.abs(apart)))
-            begun.append((which, float(apart[which])))
-        which, first = begun[0]
-        return bool(apart[which] * first <= 0.0)
+        last.append(curve.unlike(x))
+        return bool(last[-1] @ last[max(len(last) - 2, 0)] < 0.0)
 
     return finished
