@@ -39,7 +39,7 @@ class _Border:
     def __call__(self, matrix: Floats, r: Floats) -> tuple[Floats, Floats]:
         size = r.size
         whole = _framed(matrix, self.kick, self.form)
-        self.inverse = np.linalg.inv(whole)
+        self.inverse = np.asarray(np.linalg.inv(whole), dtype=np.float64)
         solved = self.inverse @ np.append(r, self.velocity)
         self.impulse = float(solved[size])
         return self.inverse[:size, :size], solved[:size]
@@ -91,7 +91,7 @@ class Bordered(NamedTuple):
     def kick(self) -> Floats:
         """What a unit impulse on the stop makes of states."""
         one = self.orbit
-        return one.side(0).kick[one.switchings[0].constraint]
+        return np.asarray(one.side(0).kick[one.switchings[0].constraint])
 
 
 def bordered(

@@ -271,7 +271,7 @@ class Changing(Contacts):
 
     def _onward(
         self, x: Floats, touch: Touch, at: Peak
-    ) -> tuple[Contacts, Floats, Floats] | None:
+    ) -> tuple[Changing, Floats, Floats] | None:
         """Return the curve with two switchings more, a point of it, and the direction to go."""
         one = self.motion(x)
         damped = one.cell.scenes.stop(touch.constraint, touch.side).damping > 0.0
@@ -297,7 +297,7 @@ class Changing(Contacts):
 
     def _with(
         self, x: Floats, part: int, pair: tuple[Switching, Switching], middle: float, apart: float
-    ) -> tuple[Contacts, Floats]:
+    ) -> tuple[Changing, Floats]:
         """Return the curve with two switchings more, which come first, and a point near it."""
         marks = [(middle - 0.5 * apart, pair[0]), (middle + 0.5 * apart, pair[1])]
         if self.symmetric:
