@@ -718,8 +718,9 @@ class BranchesPoints(Table):
     """Value of the parameter, shape (point)."""
     type: Words
     """What happens: the branch turns (fold), period doubling (flip), two frequencies (torus),
-    loss of symmetry, an impact without velocity or a first touch without any impact (grazing),
-    or a limit that begins to be passed (end), shape (point).
+    loss of symmetry, an impact without velocity, a first touch without any impact or a contact
+    that begins or ends to be (grazing), or a limit that begins to be passed (end), shape
+    (point).
     """
     Omega: Floats
     """Frequency of the drive, shape (point), 1/time."""

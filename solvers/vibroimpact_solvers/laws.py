@@ -221,6 +221,7 @@ OFFERED: Final[dict[str, frozenset[str]]] = {
     "time-history": frozenset({Rigid.name, Linear.name, *POWERS}),
     "ensemble": frozenset({Rigid.name, Linear.name, *POWERS}),
     "periodic-motions": frozenset({Rigid.name, Linear.name}),
+    "branches": frozenset({Rigid.name, Linear.name}),
     "attractors": frozenset({Rigid.name, Linear.name}),
 }
 """Kinds -> names of the laws that they compute; rigid stops where a kind is not listed."""

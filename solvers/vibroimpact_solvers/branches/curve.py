@@ -1,33 +1,32 @@
 r"""One branch as a curve: its equations, Newton's method on them, and steps along it.
 
-A point of the curve has 2 m + 1 numbers: phases and scaled impulses of the m impacts, and the
-parameter as a part of its range. The 2 m equations (`periodic_motions.sequences`) have derivatives
-by phases and impulses in closed form, and by the parameter from a difference. The null vector of
-all of them is the tangent; Newton's method returns to the curve at right angles to it. Without
-load, where a motion may begin at any time, the first phase stays where it is, and least squares
-take the equation that is left over.
+A point of the curve has the numbers of a motion and, as the last one, the parameter as a part of
+its range. The equations, one less than that, have derivatives by the motion in closed form, and by
+the parameter from a difference. The null vector of all of them is the tangent; Newton's method
+returns to the curve at right angles to it. Without load, where a motion may begin at any time, the
+first number stays where it is, and least squares take the equation that is left over.
+
+What the numbers and equations are is told by `impacts.Impacts` and `contacts.Contacts`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.branches.problem import Problem
-from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
+from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.periodic_motions import Problem as Motions
-from vibroimpact_solvers.periodic_motions import free_bodies, sequences, single
-from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.columns import Columns
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.sequences import Laws, Search
-from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.results.branches import Type
 
 _DIFFERENCE = 1e-7  # of the range: step of the difference by the parameter
 _ITERATIONS = 8
@@ -37,10 +36,7 @@ _FIRST = 0.1  # first step, as a part of the longest
 _SHORTEST = 1e-7  # and the shortest one
 _KEPT = 4  # evaluations of the equations
 _SLANTED = 1e-3  # least part of the parameter in a step that tells the derivatives by it
-_HUGE = 1e6  # impulses of seeds, relative to the first, beyond which they are at a resonance
-_REST = 1e-12  # impulses, relative to those of the point before, of rest
 _BESIDE = 1e-3  # of the last step: how far from rest a branch ends
-_LARGEST = 1e3  # impulses, relative to all that begin one, at which one without load ends
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,14 +54,59 @@ class Place:
 class Equations(NamedTuple):
     """The equations at a point."""
 
-    residual: Floats  # (2 m,): relative to the sizes of their terms
-    jacobian: Floats  # (2 m, 2 m): derivatives by all numbers of the point but the last
-    size: Floats  # (2 m,)
-    search: Search
+    residual: Floats  # (number,): relative to the sizes of their terms
+    jacobian: Floats  # (number, number): derivatives by all numbers of the point but the last
+    size: Floats  # (number,)
+    autonomous: bool  # whether the motion may begin at any time
 
 
-class Curve:
-    """The curve of all motions with one sequence of impacts.
+@dataclass(frozen=True, eq=False, slots=True)
+class Change:
+    """Where the motions of a curve go over into those of another one.
+
+    Parameters
+    ----------
+    place : Place or None
+        The last point of the curve. None: it is told by the first one of the other curve.
+    error : float
+        Of the parameter there.
+    kind : Type or None
+        What is listed: nothing where neither contacts begin nor end.
+    onward : tuple of Curve and two arrays, or None
+        The other curve, the point at which it begins, and the direction to go. None: it ends.
+    """
+
+    place: Place | None
+    error: float
+    kind: Type | None
+    onward: tuple[Curve, Floats, Floats] | None
+
+
+class Traced(NamedTuple):
+    """Points of a curve, and how it goes on."""
+
+    places: list[Place]
+    change: Change | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Tests:
+    """Test functions at points, each shape (point,) unless stated."""
+
+    plus: Floats  # det(1 + Z), or of a half period det(1 - Z)
+    minus: Floats  # det(1 - Z), or of a half period det(1 + Z)
+    leaves: Booleans  # whether the largest multiplier is outside of the unit circle
+    turned: Floats  # its imaginary part, beyond its error
+    impulses: Floats  # (point, m), positive where they push
+    kept: Floats  # 1 where all limits are kept, else -1
+
+    def admissible(self) -> Booleans:
+        """Return whether the motions are, shape (point,)."""
+        return np.asarray((self.kept > 0.0) & (self.impulses > 0.0).all(axis=1))
+
+
+class Curve(ABC):
+    """The curve of all motions with one sequence of impacts, or of switchings of stops.
 
     Parameters
     ----------
@@ -74,18 +115,91 @@ class Curve:
         Returns the problem of periodic motions for a value of the parameter.
     """
 
+    m: int
+    """Number of impacts, or of switchings that are told apart."""
+    free = False
+    """Whether there is no load, at any value: motions may begin at any time."""
+
     def __init__(self, problem: Problem, motions: Callable[[float], Motions]) -> None:
         self.problem, self.base = problem, motions(problem.start)
         self.motions = self._at if problem.frequency else motions
         self._rate = float(self.base.Omega[0]) / problem.start if problem.frequency else math.nan
-        self.m = len(self.base.impacts)
         self.span = problem.stop - problem.start
-        self.impulse = self.largest_seed = 1.0
-        self._laws: Laws | None = None
         self._largest: dict[bytes, tuple[complex, float]] = {}
         # Newton's method, tangents and tests ask for the same points one after the other.
-        self.search = lru_cache(_KEPT)(self._search)
         self._equations = lru_cache(_KEPT)(self._equations_at)
+
+    # -- what a kind of motion tells --
+
+    @abstractmethod
+    def _equations_at(self, point: bytes) -> Equations:
+        """Return the equations at a point, given by its bytes."""
+
+    @abstractmethod
+    def longest(self, place: Place) -> float:
+        """Return the longest step from a point."""
+
+    @abstractmethod
+    def passing(self, places: list[Place], other: Curve, x: Floats) -> int | None:
+        """Return between which points of this curve a point of another curve is, if it is."""
+
+    @abstractmethod
+    def apart(self, first: Floats, other: Place) -> Iterator[tuple[Floats, Floats]]:
+        """Yield differences from a point, and tangents there, from wherever a motion may begin."""
+
+    @abstractmethod
+    def tests(self, points: list[Floats], tangents: list[Floats]) -> Tests:
+        """Return the test functions at points of the curve."""
+
+    @abstractmethod
+    def value_of(self, kind: Type, which: int, x: Floats, across: Floats, margin: float) -> float:
+        """Return the test function of a type at a point, of a torus less so many times its error.
+
+        `which` tells which impact grazes.
+        """
+
+    @abstractmethod
+    def columns(self, points: list[Floats]) -> list[Columns]:
+        """Return the columns of the motions at points, in parts one after the other."""
+
+    @abstractmethod
+    def repeated(
+        self, kind: Type, x: Floats, tangent: Floats
+    ) -> tuple[Curve, Floats, Floats] | None:
+        """Return a special point as one of the curve of motions that repeat after twice as long.
+
+        And its tangent there, of any length; None where that is no branching, or too long.
+        """
+
+    @abstractmethod
+    def unlike(self, x: Floats) -> Floats:
+        """Return how unlike both halves of a repeated motion are."""
+
+    def regular(self, first: Floats, last: Floats) -> tuple[Curve, Floats, Floats]:
+        """Return two points on a curve whose equations are regular where multipliers are 1."""
+        return self, first, last
+
+    def of_regular(self, x: Floats) -> Floats:
+        """Return a point, or a tangent, of that curve as one of this."""
+        return x
+
+    def rests(self, end: Floats, last: Floats) -> bool:
+        """Whether a point at the end of the range, after the last one, is one of rest."""
+        return False
+
+    def too_large(self, x: Floats) -> bool:
+        """Whether the motion at a point is so large that a branch ends."""
+        return False
+
+    def before_step(self, place: Place, length: float) -> tuple[float, Change | None]:
+        """Return how long the step from a point may be, and what happens within it if known."""
+        return length, None
+
+    def after_step(self, before: Place, after: Place) -> Change | None:
+        """Return what happens between two points; raise `SolverError` where that is too far."""
+        return None
+
+    # -- points --
 
     def value(self, x: Floats) -> float:
         """Return the parameter at a point."""
@@ -112,76 +226,12 @@ class Curve:
     def _at(self, value: float) -> Motions:
         return self.joint(np.array([value]))
 
-    def laws(self, motions: Motions) -> Laws:
-        """Return the impacts of a structure, which stays the same where the frequency varies."""
-        if self._laws is None or not self.problem.frequency:
-            try:
-                driven = Driven.of(motions, spectrum.choose(motions.system))
-                free_bodies.sentence(motions, driven)
-            except (ModelError, PlanError) as error:
-                raise error.under("base") from None
-            self._laws = Laws.of(driven, motions)
-        return self._laws
-
-    def _search(self, value: float) -> Search:
-        """Return the equations at a value of the parameter."""
-        motions = self.motions(value)
-        laws = self.laws(motions)
-        return Search(laws, Cells.of(laws.driven, motions), np.zeros(1, np.int64))
-
-    def start(self, x: float) -> list[Floats]:
-        """Return all points with a value of the parameter, as a part of the range."""
-        motions = self.motions(self.value(np.array([x])))
-        driven = self.laws(motions).driven
-        cells = Cells.of(driven, motions)
-        if self.m == 1:
-            solved, _ = single.solutions(driven, cells, motions)
-        else:
-            solved = sequences.solutions(driven, cells, motions)
-        if solved.impulse.size and self.impulse == 1.0:
-            self.impulse = float(np.abs(solved.impulse).max()) or 1.0
-        seeds = [
-            np.concatenate([phase, impulse / self.impulse, [x]])
-            for phase, impulse in zip(solved.phase, solved.impulse, strict=True)
-        ]
-        sizes = [size for size in map(self._impulses, seeds) if size < _HUGE]
-        self.largest_seed = max([self.largest_seed, *sizes])
-        return seeds
-
-    def scaled(self, groups: list[list[Floats]]) -> list[list[Floats]]:
-        """Return the points that were found at several values, in impulses of the usual size.
-
-        The first ones may be far smaller than others, or those of a resonance. Half of the values
-        have larger impulses than this size.
-        """
-        sizes = [max(map(self._impulses, group)) for group in groups if group]
-        usual = float(np.median(sizes)) if sizes else 0.0
-        if not 0.0 < usual < math.inf:
-            return groups
-        self.impulse, self.largest_seed = self.impulse * usual, self.largest_seed / usual
-        self._equations.cache_clear()
-        parts = np.ones(2 * self.m + 1)
-        parts[self.m : -1] = usual
-        return [[x / parts for x in group] for group in groups]
-
     def equations(self, x: Floats) -> Equations:
         """Return the equations at a point."""
         return self._equations(x.tobytes())
 
-    def _equations_at(self, point: bytes) -> Equations:
-        x, m = np.frombuffer(point), self.m
-        search = self.search(self.value(x))
-        p = x[np.newaxis, m:-1] * self.impulse
-        residual, jacobian, size = search.equations(x[:m] / search.Omega, p)
-        size = np.where(size > 0.0, size, 1.0)  # at gap 0, without load: those of rest
-        by_phases = jacobian[0, :, m:] / search.Omega[0]
-        if search.autonomous:
-            by_phases[:, 0] = 0.0
-        slopes = np.concatenate([by_phases, jacobian[0, :, :m] * self.impulse], axis=1)
-        return Equations(residual[0] / size[0], slopes / size[0][:, np.newaxis], size[0], search)
-
     def slopes(self, x: Floats) -> Floats:
-        """Return the derivatives of the residuals, (2 m, 2 m + 1)."""
+        """Return the derivatives of the residuals, (number, number + 1)."""
         here = self.equations(x)
         h = -_DIFFERENCE if x[-1] > 0.5 else _DIFFERENCE
         ahead = x.copy()
@@ -189,7 +239,7 @@ class Curve:
         there = self.equations(ahead)
         change = (there.residual * (there.size / here.size) - here.residual) / h
         both = np.concatenate([here.jacobian, change[:, np.newaxis]], axis=1)
-        if here.search.autonomous:
+        if here.autonomous:
             both = np.concatenate([both, np.eye(1, both.shape[1])])
         return both
 
@@ -211,12 +261,12 @@ class Curve:
         try:
             for count in range(_ITERATIONS):
                 here = self.equations(x)
-                residual, jacobian, terms, search = here
+                residual, jacobian, terms, autonomous = here
                 if change is None:
-                    change = terms * self.slopes(x)[: 2 * self.m, -1]
+                    change = terms * self.slopes(x)[: terms.size, -1]
                 elif last is not None:
                     change = _change_along(*last, here, change)
-                size = float(np.abs(residual).max())
+                size = float(np.abs(residual).max(initial=0.0))
                 if not np.isfinite(size) or (count > 2 and size > 2.0 * before):
                     return x if before < _CLOSE else None
                 if size < 1e-15 or (size < _CLOSE and size > 0.25 * before):
@@ -227,7 +277,7 @@ class Curve:
                     across[np.newaxis],
                 ]
                 values: list[Floats] = [residual, np.atleast_1d(across @ (x - first))]
-                if search.autonomous:
+                if autonomous:
                     rows.append(np.eye(1, x.size))
                     values.append(x[:1] - first[:1])
                 step = -_solved(np.concatenate(rows), np.concatenate(values))
@@ -244,48 +294,68 @@ class Curve:
         """Return the point near x with a value of the parameter, as a part of the range."""
         moved = x.copy()
         moved[-1] = value
-        return self.onto(moved, np.eye(1, x.size, x.size - 1)[0], np.zeros(2 * self.m))
+        return self.onto(moved, np.eye(1, x.size, x.size - 1)[0], np.zeros(x.size - 1))
+
+    def place(self, x: Floats, along: Floats) -> Place:
+        """Return a point with its tangent in a direction."""
+        slopes, sizes = self.slopes(x), self.equations(x).size
+        return Place(x, self.tangent(slopes, along), sizes * slopes[: sizes.size, -1])
+
+    def _next(self, x: Floats, along: Floats) -> Place | None:
+        try:
+            return self.place(x, along)
+        except (SolverError, np.linalg.LinAlgError):
+            return None
+
+    # -- steps --
 
     def trace(
-        self, x: Floats, direction: Floats, finished: Callable[[Floats], bool]
-    ) -> list[Place]:
+        self, x: Floats, direction: Floats, finished: Callable[[Floats], bool], most: int
+    ) -> Traced:
         """Return the points of the curve from x on, until it leaves the range or comes back.
 
-        Nothing bounds impulses where neither load nor damping acts: there it ends where they are
-        large. Empty where there is no tangent at x.
+        They are so many at most, and none where there is no tangent at x.
         """
         begin = self._next(x, direction)
         if begin is None:
-            return []
+            return Traced([], None)
         place, places = begin, [begin]
-        most = _LARGEST * self.largest_seed if self.free else math.inf
-        length = _FIRST * self._longest(place)
-        while len(places) < self.problem.points and self._impulses(place.x) <= most:
-            longest = self._longest(place)
-            length = min(length, longest)
+        length = _FIRST * self.longest(place)
+        while len(places) < most and not self.too_large(place.x):
+            longest = self.longest(place)
+            length, change = self.before_step(place, min(length, longest))
+            if change is not None:
+                return _ended(places, change)
+            if length < _SHORTEST * longest:
+                break
             point = self.along(place, length)
             if point is None:  # perhaps as there are no problems beyond the range
                 last = self._last(place, length)
                 if last is not None:
-                    return [*places, last]
+                    return Traced([*places, last], None)
             next_place = None if point is None else self._next(point, place.tangent)
             if point is None or next_place is None or next_place.tangent @ place.tangent < _BEND:
                 length *= 0.5
-                if length < _SHORTEST * longest:
-                    return places
                 continue
+            try:
+                change = self.after_step(place, next_place)
+            except SolverError:
+                length *= 0.5
+                continue
+            if change is not None:
+                return _ended(places, change)
             if not 0.0 <= point[-1] <= 1.0:
                 end = self._end(place.x, point)
-                if end is not None:
+                if end is not None and np.abs(end - place.x).max() > _CLOSE:
                     places.append(replace(next_place, x=end))
-                return places
+                break
             place = next_place
             places.append(place)
             if finished(point) or self.is_closed(places):
-                return places
+                break
             if place.tangent @ places[-2].tangent > 0.999:
                 length = min(1.5 * length, longest)
-        return places
+        return Traced(places, None)
 
     def _last(self, place: Place, length: float) -> Place | None:
         """Return the point at the end of the range, None where a step does not reach that."""
@@ -305,75 +375,9 @@ class Curve:
         """
         edge = 0.0 if beyond[-1] < 0.0 else 1.0
         end = self.at_value(beyond, edge)
-        if end is not None and self._impulses(end) <= _REST * self._impulses(last):
+        if end is not None and self.rests(end, last):
             return self.at_value(last, edge + _BESIDE * (float(last[-1]) - edge))
         return end
-
-    def _impulses(self, x: Floats) -> float:
-        return float(np.abs(x[self.m : -1]).max())
-
-    def _longest(self, place: Place) -> float:
-        """Return the longest step from a point: of impulses, relative to the largest one."""
-        pushed = place.tangent[self.m : -1] / max(1.0, self._impulses(place.x))
-        others = np.append(place.tangent[: self.m], place.tangent[-1])
-        return self.problem.step / math.hypot(np.linalg.norm(others), np.linalg.norm(pushed))
-
-    def turned(self, x: Floats) -> list[Floats]:
-        """Return a point as it is where the motion begins at any impact where it may begin alike.
-
-        A motion that is late by a period of the drive, or without load by any time, is the same.
-        """
-        period = 2.0 * np.pi * self.base.periods
-        points = []
-        for s in sequences.turns(self.base.impacts):
-            point = self._rolled(x, s)
-            point[self.m - s : self.m] += period
-            if self.free:
-                point[: self.m] -= point[0]
-            points.append(point)
-        return points
-
-    def _rolled(self, x: Floats, s: int) -> Floats:
-        """Return a point, or a tangent, with the numbers of impact s first."""
-        phases, impulses = x[: self.m], x[self.m : -1]
-        return np.concatenate([np.roll(phases, -s), np.roll(impulses, -s), x[-1:]])
-
-    def late(self, one: Floats, other: Floats) -> Floats:
-        """Return the differences of the phases of two points, (m,); see `sequences.same_begin`."""
-        return sequences.same_begin(self.base, one[: self.m] - other[: self.m])
-
-    def crossing(self, x: Floats, tangent: Floats) -> float:
-        """Return a determinant that changes sign where two curves of free motions cross.
-
-        Of motions without load, ``det(1 - Z)`` is zero everywhere: they may begin at any time, and
-        with more energy. Their equations are one more than needed, which a loss at the impacts
-        makes up for, as one more unknown that is zero.
-        """
-        slopes, (*_, size, search) = self.slopes(x), self.equations(x)
-        loss = np.zeros(slopes.shape[0])
-        p = x[self.m : -1] * self.impulse
-        loss[self.m : 2 * self.m] = search.laws.impacts.inertia * p / size[self.m :]
-        rows = np.column_stack([slopes, loss])
-        rows = np.concatenate([rows, [np.append(tangent, 0.0)]])
-        return float(np.linalg.det(rows / np.linalg.norm(rows, axis=1, keepdims=True)))
-
-    @cached_property
-    def free(self) -> bool:
-        """Whether there is no load, at any value: motions may begin at any time."""
-        ends = [self.motions(value) for value in (self.problem.start, self.problem.stop)]
-        return all(self.laws(motions).driven.harmonics.size == 0 for motions in ends)
-
-    def place(self, x: Floats, along: Floats) -> Place:
-        """Return a point with its tangent in a direction."""
-        slopes = self.slopes(x)
-        change = self.equations(x).size * slopes[: 2 * self.m, -1]
-        return Place(x, self.tangent(slopes, along), change)
-
-    def _next(self, x: Floats, along: Floats) -> Place | None:
-        try:
-            return self.place(x, along)
-        except (SolverError, np.linalg.LinAlgError):
-            return None
 
     def is_closed(self, places: list[Place]) -> bool:
         """Whether the last step has come back to the first point."""
@@ -381,38 +385,21 @@ class Curve:
             return False
         first, last, before = places[0], places[-1], places[-2]
         step = float(np.linalg.norm(last.x - before.x))
-        for s, point in zip(sequences.turns(self.base.impacts), self.turned(last.x), strict=True):
-            apart = first.x - point
-            apart[: self.m] = self.late(first.x, point)
-            if (
-                np.linalg.norm(apart) < step
-                and first.tangent @ self._rolled(last.tangent, s) > _BEND
-                and first.tangent @ apart <= 0.0
-            ):
-                return True
-        return False
+        return any(
+            np.linalg.norm(apart) < step
+            and first.tangent @ tangent > _BEND
+            and first.tangent @ apart <= 0.0
+            for apart, tangent in self.apart(first.x, last)
+        )
 
-    def solutions(self, points: list[Floats]) -> tuple[Motions, Driven, Cells, Solutions]:
-        """Return the motions at points with one structure: of several frequencies, or at one."""
-        x = np.array(points)
-        motions = self.motions(self.value(points[0]))
-        if self.problem.frequency:
-            motions = self.joint(self.problem.start + x[:, -1] * self.span)
-        laws = self.laws(motions)
-        cells = Cells.of(laws.driven, motions)
-        search = Search(laws, cells, np.arange(len(points)))
-        solved = search.collected(x[:, : self.m] / search.Omega, x[:, self.m : -1] * self.impulse)
-        return motions, laws.driven, cells, solved
 
-    def nothing(self, x: float) -> tuple[Motions, Driven, Cells, Solutions]:
-        """Return no motions, at a value of the parameter as a part of the range."""
-        value = float(self.problem.start + x * self.span)
-        search, none = self.search(value), np.empty((0, self.m))
-        return self.motions(value), search.driven, search.cells, search.collected(none, none)
+def _ended(places: list[Place], change: Change) -> Traced:
+    """Return points of a curve that goes over into another one."""
+    return Traced(places if change.place is None else [*places, change.place], change)
 
 
 def _change_along(before: Equations, step: Floats, after: Equations, change: Floats) -> Floats:
-    """Return the derivatives by the parameter in the middle of a step, (2 m,).
+    """Return the derivatives by the parameter in the middle of a step, (number,).
 
     They are what all others leave of the difference of the equations, by the trapezoidal rule;
     `change` where the step hardly moves the parameter, and they hardly matter.

@@ -58,6 +58,11 @@ class Problem:
     unit: str = "1"
     long_name: str = "parameter"
 
+    @property
+    def stopped(self) -> bool:
+        """Whether stops have a finite stiffness."""
+        return any(not constraint.law.rigid for constraint in self.system.constraints)
+
     def __post_init__(self) -> None:
         if not (math.isfinite(self.start) and math.isfinite(self.stop)):
             raise ModelError(("start",), "an end of the range is not finite", code="not_finite")

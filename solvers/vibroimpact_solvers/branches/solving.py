@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy.optimize import brentq
 
-from vibroimpact_solvers.arrays import EPS, Floats, along, nothing
-from vibroimpact_solvers.branches.curve import Curve, Place
+from vibroimpact_solvers.arrays import along, nothing
+from vibroimpact_solvers.branches import contacts, linear_response, seeds
+from vibroimpact_solvers.branches.contacts import Structures
+from vibroimpact_solvers.branches.following import Branch, followed
+from vibroimpact_solvers.branches.impacts import Impacts
 from vibroimpact_solvers.branches.problem import Problem
-from vibroimpact_solvers.branches.special import Special, part_of_segment, special_points, tests
-from vibroimpact_solvers.branches.switching import doubled, halves, outwards
+from vibroimpact_solvers.branches.special import part_of_segment
+from vibroimpact_solvers.branches.switching import outwards
 from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.periodic_motions import columns
-from vibroimpact_solvers.periodic_motions.existence import verdicts
-from vibroimpact_solvers.periodic_motions.solutions import Cells, without_impacts
 from vibroimpact_solvers.plan import Plan, Tick
 from vibroimpact_solvers.results.branches import Result, Type
-from vibroimpact_solvers.results.impact_modes import Reason
 
 _STATEMENT: Final = (
     "those of periodic motions at each point; special points: bracketed by signs of their test "
@@ -30,9 +28,6 @@ _STATEMENT: Final = (
 )
 _SEEDS = 9  # values of the parameter at which all solutions begin branches
 _STARTS: Final = tuple(np.linspace(0.0, 1.0, _SEEDS).tolist())  # as parts of the range
-_LINEAR = 101  # values at which the motion without impacts is listed
-_SAME = 1e-6  # difference of phases and impulses of equal motions
-_ASIDE = 1e-9  # of the range: how far beside a resonance the limits are checked
 
 
 _COLUMNS: Final[Mapping[str, DTypeLike]] = {
@@ -42,16 +37,6 @@ _COLUMNS: Final[Mapping[str, DTypeLike]] = {
 }  # fmt: skip
 """What is known of the special points, each a column."""
 _Row = tuple[int, float, int, float, bool, int, int, float, float, float]
-
-
-@dataclass(eq=False, slots=True)
-class Branch:
-    """A branch that was followed."""
-
-    curve: Curve
-    places: list[Place]
-    points: list[Special] = field(default_factory=list)
-    leads_to: dict[int, int] = field(default_factory=dict)
 
 
 @metered
@@ -68,19 +53,17 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """
     tick = tick or _no_tick
     branches: list[Branch] = []
-    curve = Curve(problem, problem.at)
-    seeds, total = [], 2 * _SEEDS + problem.switch
-    for k, x in enumerate(_STARTS):
-        tick(k, total)
-        seeds.append(_seeds(curve, x))
-    for k, some in enumerate(curve.scaled(seeds), start=_SEEDS):
-        tick(k, total)
-        for seed in some:
-            turned = curve.turned(seed)
-            if not any(_contains(branch, each) for branch in branches for each in turned):
-                branch = _followed(curve, seed)
-                if branch.places:
-                    branches.append(branch)
+    total = 2 * _SEEDS + problem.switch
+    if problem.stopped:
+        begun = seeds.with_contacts(problem, _STARTS, tick, total, Structures(problem))
+    else:
+        begun = seeds.with_impacts(problem, _STARTS, tick, total)
+    for k, (curve, seed) in enumerate(begun):
+        tick(_SEEDS + k * _SEEDS // len(begun), total)
+        if not any(branch.contains(curve, seed) for branch in branches):
+            branch = followed(curve, seed)
+            if branch.arcs:
+                branches.append(branch)
     _switch(problem, branches, tick)
     return _result(problem, branches)
 
@@ -99,133 +82,72 @@ def _no_tick(done: int, total: int) -> None:
     """Report to nobody."""
 
 
-def _seeds(curve: Curve, x: float) -> list[Floats]:
-    try:
-        return curve.start(x)
-    except SolverError:
-        return []
-
-
-def _contains(branch: Branch, seed: Floats) -> bool:
-    """Whether a motion is one of a branch."""
-    m = branch.curve.m
-    for place, after in zip(branch.places[:-1], branch.places[1:], strict=True):
-        low, high = place.x[-1], after.x[-1]
-        if not min(low, high) - 1e-9 <= seed[-1] <= max(low, high) + 1e-9:
-            continue
-        part = (seed[-1] - low) / (high - low) if high != low else 0.0
-        near = (1.0 - part) * place.x + part * after.x
-        apart = np.abs(near[m:-1] - seed[m:-1]).max()
-        if apart > 10.0 * np.linalg.norm(after.x - place.x) + _SAME:
-            continue
-        point = branch.curve.at_value(near, float(seed[-1]))
-        if point is None:
-            continue
-        late = branch.curve.late(point, seed)
-        if max(np.abs(late).max(), np.abs(point[m:-1] - seed[m:-1]).max()) < _SAME:
-            return True
-    return False
-
-
-def _followed(
-    curve: Curve, seed: Floats, direction: Floats | None = None, one_way: bool = False
-) -> Branch:
-    """Return the branch through a point, in both directions, with its special points."""
-    ahead = np.eye(1, seed.size, seed.size - 1)[0] if direction is None else direction
-    finished = halves(curve) if one_way else _never
-    places = curve.trace(seed, ahead, finished)
-    begin = 0
-    if places and not one_way and not (len(places) > 2 and curve.is_closed(places)):
-        back = curve.trace(seed, -places[0].tangent, finished)
-        begin = len(back) - 1
-        places = [replace(p, tangent=-p.tangent) for p in reversed(back[1:])] + places
-    branch = Branch(curve, places)
-    if len(places) > 1:
-        at = tests(curve, [p.x for p in places], [p.tangent for p in places])
-        branch.points = special_points(curve, places, at)
-        _stop(branch, begin)
-    return branch
-
-
-def _never(x: Floats) -> bool:
-    return False
-
-
-def _stop(branch: Branch, begin: int) -> None:
-    """Cut a branch at the special points beside its beginning at which it shall end."""
-    last = [p for p in branch.points if p.kind.name.lower() in branch.curve.problem.stop_at]
-    before = [p for p in last if p.segment < begin]
-    after = [p for p in last if p.segment >= begin]
-    if after:
-        end = after[0]
-        branch.places = [*branch.places[: end.segment + 1], branch.curve.place(end.x, end.tangent)]
-        branch.points = branch.points[: branch.points.index(end) + 1]
-    if before:
-        end = before[-1]
-        branch.places = [branch.curve.place(end.x, end.tangent), *branch.places[end.segment + 1 :]]
-        branch.points = [
-            replace(p, segment=p.segment - end.segment)
-            for p in branch.points[branch.points.index(end) :]
-        ]
-
-
 def _switch(problem: Problem, branches: list[Branch], tick: Tick) -> None:
     """Follow branches that begin at flips and losses of symmetry, in their order."""
     left, place = problem.switch, 0
     while left > 0 and place < len(branches):
         branch = branches[place]
-        for number, point in enumerate(branch.points):
+        for number, (arc, point) in enumerate(branch.points()):
             if point.kind not in (Type.FLIP, Type.SYMMETRY) or not point.exists or left == 0:
                 continue
-            motions = doubled(branch.curve, point.kind)
-            if motions is None:
+            repeated = arc.curve.repeated(point.kind, point.x, point.tangent)
+            begin = None if repeated is None else outwards(*repeated)
+            if repeated is None or begin is None:
                 continue
-            curve = Curve(problem, motions)
-            begin = outwards(branch.curve, curve, point)
-            if begin is None or any(
-                _contains(other, begin[0]) for other in branches if other.curve.m == curve.m
-            ):
+            curve = repeated[0]
+            if any(other.contains(curve, begin[0]) for other in branches):
                 continue
             left -= 1
             tick(2 * _SEEDS + problem.switch - left, 2 * _SEEDS + problem.switch)
-            followed = _followed(curve, *begin, one_way=True)
-            if followed.places:
+            branched = followed(curve, *begin, one_way=True)
+            if branched.arcs:
                 branch.leads_to[number] = len(branches)
-                branches.append(followed)
+                branches.append(branched)
         place += 1
 
 
 def _result(problem: Problem, branches: list[Branch]) -> Result:
-    """Return the tables of all branches; the last is the motion without impacts."""
-    parts, of, values, periods = [], [], [], []
+    """Return the tables of all branches; with impacts the last is the motion without them."""
+    parts: list[columns.Columns] = []
+    of, values, periods = list[int](), list[float](), list[int]()
     table: list[_Row] = []
     for number, branch in enumerate(branches):
-        points = [place.x for place in branch.places]
-        groups = [points] if problem.frequency else [[x] for x in points]
-        curve = branch.curve
-        parts += [
-            columns.of(*curve.solutions(group), curve.largest(group)) for group in groups if group
-        ]
-        of += [number] * len(points)
-        values += [branch.curve.value(x) for x in points]
-        periods += [branch.curve.base.periods] * len(points)
-        for place, point in enumerate(branch.points):
-            value = branch.curve.value(point.x)
-            Omega = float(branch.curve.motions(value).Omega[0])
-            leads = branch.leads_to.get(place, -1)
-            row = len(of) - len(points) + point.segment
-            on = row, *part_of_segment(branch.places, point)
-            kind = int(point.kind)
-            table.append((number, value, kind, Omega, point.exists, leads, *on, point.error))
-    if problem.at(problem.start).load and not _falls(problem):
-        linear, touches = _linear(problem, len(branches), len(of))
+        count, last = 0, None
+        for arc in branch.arcs:
+            curve, points = arc.curve, [place.x for place in arc.places]
+            begin = len(of)
+            if last is not None and arc.goes_on(last):  # the motion is listed already
+                begin, points = begin - 1, points[1:]
+            last = arc
+            for point in arc.points:
+                value, kind = curve.value(point.x), int(point.kind)
+                Omega = float(curve.motions(value).Omega[0])
+                on = begin + point.segment, *part_of_segment(arc.places, point)
+                leads = branch.leads_to.get(count, -1)
+                table.append((number, value, kind, Omega, point.exists, leads, *on, point.error))
+                count += 1
+            parts += curve.columns(points) if points else []
+            of += [number] * len(points)
+            values += [curve.value(x) for x in points]
+            periods += [curve.base.periods] * len(points)
+    if not problem.stopped and linear_response.exists(problem):
+        own, linear, touches = linear_response.listed(problem)
+        for touch in touches:
+            Omega = float(problem.at(touch.value).Omega[0])
+            on = len(of) + touch.row, touch.along, touch.along_error
+            kind = int(Type.GRAZING)
+            table.append((len(branches), touch.value, kind, Omega, True, -1, *on, touch.error))
         parts += linear
-        grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
-        of, values = of + [len(branches)] * _LINEAR, values + grid
-        periods += [problem.at(problem.start).periods] * _LINEAR
-        table += touches
-    if not parts:
-        parts.append(_nothing(problem))
+        of, values = of + [len(branches)] * own.size, values + own.tolist()
+        periods += [problem.at(problem.start).periods] * own.size
+    return _tables(problem, parts or [_nothing(problem)], of, values, periods, table)
+
+
+def _tables(
+    problem: Problem, parts: list[columns.Columns], of: list[int], values: list[float],
+    periods: list[int], table: list[_Row],
+) -> Result:  # fmt: skip
+    """Return the result of all parts one after the other."""
     fields = nothing(Result) | _stacked(parts)
     base = problem.at(problem.start)
     fields["Omega"], fields["error_statement"] = fields["solution_Omega"], _STATEMENT
@@ -241,12 +163,6 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
     return Result(**fields)
 
 
-def _falls(problem: Problem) -> bool:
-    """Whether a constant load drives a rigid body, which has no motion without impacts."""
-    curve = Curve(problem, problem.at)
-    return curve.laws(curve.motions(problem.start)).driven.balance.loaded
-
-
 def _nothing(problem: Problem) -> columns.Columns:
     """Return the columns of no motions.
 
@@ -255,9 +171,11 @@ def _nothing(problem: Problem) -> columns.Columns:
     SolverError
         Where there are no equations at any of the values that were tried.
     """
-    curve, failure = Curve(problem, problem.at), SolverError("no value")
+    curve, failure = Impacts(problem, problem.at), SolverError("no value")
     for x in _STARTS:
         try:
+            if problem.stopped:
+                return contacts.nothing(problem, Structures(problem), x)
             return columns.of(*curve.nothing(x))
         except SolverError as error:
             failure = error
@@ -266,55 +184,19 @@ def _nothing(problem: Problem) -> columns.Columns:
 
 def _stacked(parts: Sequence[columns.Columns]) -> dict[str, Any]:
     """Return the columns of all points one after the other."""
-    rows, impacts = 0, []
+    rows, owners = 0, dict[str, list[Any]]()
     for part in parts:
-        impacts.append(part["impact_solution"] + rows)
+        for table in ("impact", "contact"):
+            if f"{table}_solution" in part:
+                owners.setdefault(f"{table}_solution", []).append(part[f"{table}_solution"] + rows)
         rows += part["solution_impacts"].size
     whole: dict[str, Any] = {
         name: np.concatenate([part[name] for part in parts])
-        for name in along(Result, "solution", "impact")
+        for name in along(Result, "solution", "impact", "contact")
         if name in parts[0]
     }
-    whole["impact_solution"] = np.concatenate(impacts)
+    whole |= {name: np.concatenate(each) for name, each in owners.items()}
     whole["solution_frequency_index"] = np.arange(rows)
     return whole
 
 
-def _linear(problem: Problem, number: int, first: int) -> tuple[list[columns.Columns], list[_Row]]:
-    """Return the columns of the motion without impacts, and where it begins to touch a wall.
-
-    It is the branch of that number, whose motions stand in the table from the row `first` on.
-    """
-    curve = Curve(problem, problem.at)
-
-    def solved(values: Sequence[float]) -> Any:
-        joint = curve.joint(np.array(values)) if problem.frequency else curve.motions(values[0])
-        driven = curve.laws(joint).driven
-        cells = Cells.of(driven, joint)
-        whole = cells if cells.sign > 0.0 else cells.doubled()
-        return joint, driven, whole, without_impacts(whole)
-
-    def kept(value: float) -> float:
-        reason = verdicts(*solved([value])).reason[0]
-        if reason == Reason.SINGULAR:  # a resonance, which is one point of the range
-            other = problem.start if value != problem.start else problem.stop
-            reason = verdicts(*solved([value + _ASIDE * (other - value)])).reason[0]
-        return 1.0 if reason == Reason.OK else -1.0
-
-    grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
-    groups = [grid] if problem.frequency else [[value] for value in grid]
-    parts = [columns.of(*solved(group)) for group in groups]
-    reasons = np.concatenate([verdicts(*solved(group)).reason for group in groups])
-    keeps = np.where(reasons == Reason.OK, 1.0, -1.0)
-    for k in np.flatnonzero(reasons == Reason.SINGULAR):
-        keeps[k] = kept(grid[k])
-    touches = []
-    for k in np.flatnonzero(np.diff(keeps)):
-        value = float(brentq(kept, grid[k], grid[k + 1], xtol=1e-13, rtol=4.0 * EPS))
-        error = 1e-12 * abs(grid[k + 1] - grid[k]) + 1e-13 + 16.0 * EPS * abs(value)
-        Omega = float(problem.at(value).Omega[0])
-        step = grid[k + 1] - grid[k]
-        rounding = 4.0 * EPS * (abs(grid[k]) + abs(grid[k + 1])) / abs(step)
-        on = first + int(k), (value - grid[k]) / step, error / abs(step) + rounding
-        touches.append((number, value, int(Type.GRAZING), Omega, True, -1, *on, error))
-    return parts, touches

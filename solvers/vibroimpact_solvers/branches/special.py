@@ -1,12 +1,14 @@
-"""Special points of a branch: where a test function changes sign between two of its points.
+"""Special points of a curve: where a test function changes sign between two of its points.
 
 - fold: the parameter along the tangent;
 - flip: ``det(1 + Z)`` of the linearised motion Z over the period; in the half period of a symmetric
   motion, whose mirror image is the next one, the same determinant tells the loss of symmetry;
 - symmetry of other motions: ``det(1 - Z)`` where there is no fold, without load that of
-  `Curve.crossing`;
+  `Impacts.crossing`;
 - torus: the largest modulus less 1 and less its error, where the multiplier is complex;
 - grazing: the impulses; end: the verdict about the limits in between.
+
+Stops of finite stiffness are touched, and left, where a curve goes over into another (`Change`).
 """
 
 from __future__ import annotations
@@ -17,12 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from vibroimpact_solvers.arrays import EPS, Booleans, Floats
-from vibroimpact_solvers.branches.curve import Curve, Place
-from vibroimpact_solvers.periodic_motions.existence import verdicts
-from vibroimpact_solvers.periodic_motions.multipliers import determinants, multipliers
+from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.branches.curve import Curve, Place, Tests
 from vibroimpact_solvers.results.branches import Type
-from vibroimpact_solvers.results.impact_modes import Reason
 
 _CLOSE = 1e-13  # of a segment: how near a sign change is located
 _BRACKET = 1e-9  # and half of the bracket that gives its error
@@ -46,62 +45,16 @@ class Special:
     x_error: float
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Tests:
-    """Test functions at points, each shape (point,) unless stated."""
-
-    turning: Floats
-    plus: Floats  # det(1 + Z), or of a half period det(1 - Z)
-    minus: Floats  # det(1 - Z), or of a half period det(1 + Z)
-    leaves: Booleans  # whether the largest multiplier is outside of the unit circle
-    turned: Floats  # its imaginary part, beyond its error
-    impulses: Floats  # (point, m), positive where they push
-    kept: Floats  # 1 where all limits are kept, else -1
-
-    def admissible(self) -> Booleans:
-        """Return whether the motions are, shape (point,)."""
-        return np.asarray((self.kept > 0.0) & (self.impulses > 0.0).all(axis=1))
-
-
-def tests(curve: Curve, points: list[Floats], tangents: list[Floats]) -> Tests:
-    """Return the test functions at points of a curve."""
-    if curve.problem.frequency:
-        parts = [_tests(curve, points)]
-    else:
-        parts = [_tests(curve, [x]) for x in points]
-    plus, minus, leaves, *others = (np.concatenate(each) for each in zip(*parts, strict=True))
-    if curve.free:
-        both = zip(points, tangents, strict=True)
-        minus = np.array([curve.crossing(x, tangent) for x, tangent in both])
-    turning = np.array([tangent[-1] for tangent in tangents])
+def special_points(curve: Curve, places: list[Place]) -> list[Special]:
+    """Return the special points between the points of a curve, in their order."""
+    at = curve.tests([p.x for p in places], [p.tangent for p in places])
+    turning = np.array([p.tangent[-1] for p in places])
     turning[np.abs(turning) < _UPRIGHT] = 0.0
-    return Tests(turning, plus, minus, leaves, *others)
-
-
-def _tests(curve: Curve, points: list[Floats]) -> tuple[Floats | Booleans, ...]:
-    problem, driven, cells, solved = curve.solutions(points)
-    problem = replace(problem, outputs=frozenset({"stability"}))
-    values, errors = multipliers(problem, driven, cells, solved)
-    curve.keep_largest(points, values, errors)
-    plus, minus = determinants(problem, driven, cells, solved)
-    imaginary, leaves = np.abs(values[:, 0].imag), np.abs(values[:, 0]) - 1.0 > errors[:, 0]
-    sides = np.array([-impact.side for impact in problem.impacts])
-    reason = verdicts(problem, driven, cells, solved).reason
-    return (
-        plus, minus, leaves,
-        np.where(imaginary > errors[:, 0], imaginary, 0.0),
-        sides * solved.impulse,
-        np.where(reason == Reason.PENETRATION, -1.0, 1.0),
-    )  # fmt: skip
-
-
-def special_points(curve: Curve, places: list[Place], at: Tests) -> list[Special]:
-    """Return the special points between the points of a branch, in their order."""
     points = []
     for k in range(len(places) - 1):
-        for kind, place in _changes(curve, at, k):
+        for kind, which in _changes(curve, turning, at, k):
             exists = bool(at.admissible()[k : k + 2].any())
-            point = _located(curve, places, k, kind, place)
+            point = _located(curve, places, k, kind, which)
             if point is not None:
                 points.append(replace(point, exists=exists))
     order = np.argsort([p.segment + part_of_segment(places, p)[0] for p in points], kind="stable")
@@ -110,7 +63,7 @@ def special_points(curve: Curve, places: list[Place], at: Tests) -> list[Special
 
 def part_of_segment(places: list[Place], point: Special) -> tuple[float, float]:
     """Return how far along its segment a point is, 0 to 1, and the error of that."""
-    first, last = places[point.segment].x, places[point.segment + 1].x
+    first, last = places[point.segment].x, places[min(point.segment + 1, len(places) - 1)].x
     way = last - first
     length = float(np.linalg.norm(way))
     if length == 0.0:
@@ -120,14 +73,14 @@ def part_of_segment(places: list[Place], point: Special) -> tuple[float, float]:
     return min(max(part, 0.0), 1.0), min((point.x_error + rounding) / length, 1.0)
 
 
-def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
+def _changes(curve: Curve, turning: Floats, at: Tests, k: int) -> list[tuple[Type, int]]:
     """Return the types of special points on a segment; for impulses, which one."""
 
     def changes(values: Floats) -> bool:
         return bool(values[k] * values[k + 1] < 0.0)
 
     kinds = []
-    turns = changes(at.turning)
+    turns = changes(turning)
     if turns:
         kinds.append((Type.FOLD, 0))
     zeros = [j for j in range(at.impulses.shape[1]) if changes(at.impulses[:, j])]
@@ -147,9 +100,10 @@ def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
     return kinds
 
 
-def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) -> Special | None:
+def _located(curve: Curve, places: list[Place], k: int, kind: Type, which: int) -> Special | None:
     """Return the point of a segment at which a test function changes sign."""
-    first, last = places[k].x, places[k + 1].x
+    own = curve
+    curve, first, last = own.regular(places[k].x, places[k + 1].x)
     length = float(np.linalg.norm(last - first))
     across = (last - first) / length
 
@@ -160,22 +114,27 @@ def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) 
         return x
 
     def value(s: float, margin: float = 1.0) -> float:
-        return _value(curve, kind, place, point(s), across, margin)
+        x = point(s)
+        if kind is Type.FOLD:
+            return float(curve.tangent(curve.slopes(x), across)[-1])
+        return curve.value_of(kind, which, x, across, margin)
 
     try:
         s = float(brentq(value, 0.0, 1.0, xtol=_CLOSE, rtol=4.0 * EPS))
         x = point(s)
-        width = _half_bracket(value, s)
+        width = half_bracket(value, s)
         near = [curve.value(point(min(max(t, 0.0), 1.0))) for t in (s - width, s + width)]
         tangent = curve.tangent(curve.slopes(x), across)
     except (ValueError, np.linalg.LinAlgError):
         return None
     here = curve.value(x)
     error = max(abs(each - here) for each in near) + 16.0 * EPS * (abs(here) + abs(curve.span))
-    return Special(kind, x, tangent, k, True, error, width * length)
+    tangent = own.of_regular(tangent)
+    tangent = tangent / np.linalg.norm(tangent)
+    return Special(kind, own.of_regular(x), tangent, k, True, error, width * length)
 
 
-def _half_bracket(value: Callable[[float, float], float], s: float) -> float:
+def half_bracket(value: Callable[[float, float], float], s: float) -> float:
     """Return how far to both sides a test function has its two signs, with twice its errors.
 
     A multiplier that leaves the circle like a straight line, or a root, has left it within that.
@@ -187,25 +146,3 @@ def _half_bracket(value: Callable[[float, float], float], s: float) -> float:
             break
         width *= 10.0
     return width
-
-
-def _value(curve: Curve, kind: Type, place: int, x: Floats, across: Floats, margin: float) -> float:
-    """Return the test function of a type at a point, for a torus less so many times its error."""
-    if kind is Type.FOLD:
-        return float(curve.tangent(curve.slopes(x), across)[-1])
-    if kind is Type.GRAZING:
-        side = curve.base.impacts[place].side
-        return float(-side * x[curve.m + place])
-    problem, driven, cells, solved = curve.solutions([x])
-    problem = replace(problem, outputs=frozenset({"stability"}))
-    if kind is Type.END:
-        passed = verdicts(problem, driven, cells, solved).reason[0] == Reason.PENETRATION
-        return -1.0 if passed else 1.0
-    if kind is Type.TORUS:
-        values, errors = multipliers(problem, driven, cells, solved)
-        return float(np.abs(values[0, 0]) - 1.0 - margin * errors[0, 0])
-    lost = kind is Type.SYMMETRY and not problem.symmetric
-    if lost and curve.free:
-        return curve.crossing(x, curve.tangent(curve.slopes(x), across))
-    plus, minus = determinants(problem, driven, cells, solved)
-    return float((minus if lost else plus)[0])

@@ -62,8 +62,9 @@ class Result(periodic_motions.Result):
         _point(
             "type", "1",
             "what happens: the branch turns (fold), period doubling (flip), two frequencies "
-            "(torus), loss of symmetry, an impact without velocity or a first touch without any "
-            "impact (grazing), or a limit that begins to be passed (end)",
+            "(torus), loss of symmetry, an impact without velocity, a first touch without any "
+            "impact or a contact that begins or ends to be (grazing), or a limit that begins to be "
+            "passed (end)",
             flags=TYPES,
         ),
     ]  # fmt: skip

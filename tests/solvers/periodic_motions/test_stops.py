@@ -12,7 +12,7 @@ import scipy.linalg
 
 from tests.reference.balls import Structure
 from tests.reference.stopped import Stop, StoppedMotion
-from vibroimpact_solvers import branches, spectrum
+from vibroimpact_solvers import spectrum
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear
@@ -477,9 +477,6 @@ def test_refusals() -> None:
     mixed = replace(system, constraints=(*system.constraints, Constraint((0,), (1.0,), None, 1e9)))
     with pytest.raises(ModelError, match="rigid stops beside"):
         driven.Problem(mixed, problem.Omega, problem.load)
-    with pytest.raises(ModelError, match="branches is computed with rigid stops") as caught:
-        branches.Problem(lambda _: problem, 1.0, 2.0, system)
-    assert caught.value.pointer[:2] == ("base", "system")
     free = replace(system, K=SymmetricMatrix.dense(0.0 * case.K), force=np.ones(len(case.M)))
     falling = driven.Problem(free, problem.Omega, problem.load, sequence=(impact,))
     plan = driven.plan(falling)

@@ -14,7 +14,7 @@ same rows tell how roundings on the way change the times (`orbit_errors`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -184,10 +184,20 @@ class Orbit:
         return np.asarray(np.stack(columns, axis=1) + np.diag(self.rates))
 
 
+def _closed(matrix: Floats, r: Floats) -> tuple[Floats, Floats]:
+    """Return the inverse of ``1 - A``, and the state at the beginning."""
+    inverse = np.linalg.inv(matrix)
+    return inverse, inverse @ r
+
+
 def orbit(
-    cell: Cell, before: Loaded, switchings: tuple[Switching, ...], times: Floats
-) -> Orbit | None:
-    """Return the motion of given times of switchings; None where there is none, or many."""
+    cell: Cell, before: Loaded, switchings: tuple[Switching, ...], times: Floats,
+    close: Callable[[Floats, Floats], tuple[Floats, Floats]] = _closed,
+) -> Orbit | None:  # fmt: skip
+    """Return the motion of given times of switchings; None where there is none, or many.
+
+    `close` solves the equations of the period for the state at its beginning.
+    """
     scenes = scenes_of(before, switchings) or [before]
     if not switchings:
         zero = np.zeros(2 * cell.scenes.side(before).size)
@@ -221,10 +231,10 @@ def orbit(
     if not np.isfinite(rows).all():
         return None
     try:
-        closing = np.linalg.inv(np.eye(size) - rows[:-1].T)
+        closing, z = close(np.eye(size) - rows[:-1].T, rows[-1])
     except np.linalg.LinAlgError:
         return None
-    z, states, ends = closing @ rows[-1], list[Floats](), list[Floats]()
+    states, ends = list[Floats](), list[Floats]()
     for k in range(len(switchings)):
         states.append(z)
         ends.append(prescribed.apply(flows[k], z[np.newaxis])[0])
@@ -285,16 +295,16 @@ def newton(
         if other is None:
             return None
         if largest <= _CLOSE * cell.length:
-            return _as_they_say(other)
+            return as_they_say(other)
         if (
             largest <= _STILL * cell.length and (np.abs(other.values) >= np.abs(one.values)).all()
         ):  # pragma: no cover (rounding decides)
-            return _as_they_say(one)
+            return as_they_say(one)
         one = other
     return None
 
 
-def _as_they_say(one: Orbit) -> Orbit | None:
+def as_they_say(one: Orbit) -> Orbit | None:
     """Return a motion if stops begin to push, and cease to, at its switchings."""
     for k, switching in enumerate(one.switchings):
         rises = one.rates[k] > 0.0
