@@ -55,7 +55,7 @@ def fields_of(line: bytes) -> tuple[bytes, list[bytes]]:
     large = b"*" in line[:_NAME]
     count = 4 if large else 8
     if b"," in line:
-        first, *fields = (part.strip() for part in line.split(b","))
+        first, *fields = map(bytes.strip, line.split(b","))
     else:
         width, data = _DATA // count, line[_NAME : _NAME + _DATA]
         first = line[:_NAME].strip()
@@ -102,11 +102,16 @@ def _cards(lines: Sequence[bytes]) -> _Cards:
     small = ~large
     fields[small, :, :8] = data[small].reshape(-1, 8, 8)
     fields[large, :4, :16] = data[large].reshape(-1, 4, 16)
-    for row in np.flatnonzero(~regular):
-        given, parts = fields_of(lines[at[row]])
-        name[row] = given
-        padded = b"".join(part[:width].ljust(width) for part in [*parts, *[b""] * 8][:8])
-        fields[row] = np.frombuffer(padded, dtype=np.uint8).reshape(8, width)
+    others, names, flat = np.flatnonzero(~regular), list[bytes](), list[bytes]()
+    for number in at[others].tolist():
+        given, parts = fields_of(lines[number])
+        names.append(given)
+        flat += parts[:8]
+        flat += [b""] * (8 - len(parts))
+    if names:
+        name[others] = names
+        free: Any = np.array(flat, dtype=f"S{width}").view(np.uint8)
+        fields[others] = np.where(free == 0, np.uint8(ord(" ")), free).reshape(-1, 8, width)
     return _Cards(name, fields, at + 1)
 
 

@@ -40,9 +40,9 @@ NPY: Final = "application/x-npy"
 _MATRICES: Final = ("M", "K", "C")
 _FILE: Final = "file"
 """Name of parts that are files of any matrices, or of labels."""
-_MOST_LINES: Final = 1 << 20
+_MOST_LINES: Final = 1 << 19
 """Lines of formats that are read line by line, some microseconds each; the files of structures of
-5000 degrees of freedom have a tenth of it."""
+5000 degrees of freedom have a third of it."""
 _LABELS: Final = frozenset(label_texts.BESIDE.values())
 _BODY: Final = Part("", "", b"")
 """Stands for the whole body."""

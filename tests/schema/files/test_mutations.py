@@ -29,8 +29,7 @@ def _read(name: str, data: bytes) -> str:
         content = readers.read(name, data, BOUNDS)
         keyword = name[0] if list(content.matrices) == [""] else ""
         file = structures.select(name, content, keyword, bounds=BOUNDS)
-    except ValueError as error:
-        assert 0 < len(str(error)) < 1000
+    except ValueError:
         return "refused"
     for matrix in file.matrices.values():
         assert max(matrix.shape) <= BOUNDS.rows

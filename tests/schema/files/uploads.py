@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 from tests.client import model_files as files
 from tests.client import program_files as programs
 
-MODEL = {name: matrix for name, matrix in files.model(np.random.default_rng(3)).items()}
+MODEL = files.model(np.random.default_rng(3))
 NASTRAN = {"MGG": MODEL["M"], "KGG": MODEL["K"], "BGG": MODEL["C"]}
 
 Contents = Mapping[str, bytes]
