@@ -25,6 +25,7 @@ from tests.effort import least
 JSON = "application/json"
 MARKET = "application/x-matrix-market"
 NPY = "application/x-npy"
+FORM = "multipart/form-data; boundary=x"
 MODES = "/v1/compute/impact-modes"
 MIB = 2**20
 
@@ -142,19 +143,19 @@ HOSTILE: dict[str, tuple[str, str, str | bytes]] = {
     "market of many entries": ("/v1/systems", MARKET, market("5000 5000 25000000")),
     "market without end": ("/v1/systems", MARKET, "%%MatrixMarket " + "x" * 10 * MIB),
     "market of comments": ("/v1/systems", MARKET, market("%") + "%\n" * 10**6),
-    "form without parts": ("/v1/systems", "multipart/form-data; boundary=x", bytes(10 * MIB)),
-    "form without end": ("/v1/systems", "multipart/form-data; boundary=x", form(b"1" * 10 * MIB)[:-6]),
-    "form of many parts": ("/v1/systems", "multipart/form-data; boundary=x", form(*[b"1\n"] * 10**5)),
-    "form of boundaries": ("/v1/systems", "multipart/form-data; boundary=x", b"\r\n--x" * 10**6),
+    "form without parts": ("/v1/systems", FORM, bytes(10 * MIB)),
+    "form without end": ("/v1/systems", FORM, form(b"1" * 10 * MIB)[:-6]),
+    "form of many parts": ("/v1/systems", FORM, form(*[b"1\n"] * 10**5)),
+    "form of boundaries": ("/v1/systems", FORM, b"\r\n--x" * 10**6),
     "form of a gzip bomb": (
-        "/v1/systems", "multipart/form-data; boundary=x",
+        "/v1/systems", FORM,
         form(gzip.compress(bytes(100 * MIB)), name="K.mtx.gz"),
     ),
     "form of a zip bomb": (
-        "/v1/systems", "multipart/form-data; boundary=x", form(zip_bomb(), name="K.npz"),
+        "/v1/systems", FORM, form(zip_bomb(), name="K.npz"),
     ),
     "form of 10 to the 12 rows": (
-        "/v1/systems", "multipart/form-data; boundary=x",
+        "/v1/systems", FORM,
         form(b"1 1 1.0\n1000000000000 1 1.0\n", name="K.sti"),
     ),
     "job of another kind": ("/v1/jobs", JSON, json.dumps({"kind": "x" * 1000, "request": {}})),
