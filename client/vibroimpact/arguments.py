@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact_schema.imaginary import real
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
@@ -121,28 +123,6 @@ def documents(name: str, given: Any) -> list[dict[str, Any]]:
 def names(outputs: Sequence[str]) -> list[str]:
     """Return the names of outputs, also of a single one."""
     return [outputs] if isinstance(outputs, str) else list(outputs)
-
-
-def real(name: str, given: Any) -> Any:
-    """Return numbers, an array or a sparse matrix, without imaginary parts that are 0.
-
-    Raises
-    ------
-    ValueError
-        If an imaginary part is not 0.
-    """
-    values = given if hasattr(given, "tocoo") else np.asarray(given)
-    if values.dtype.kind != "c":
-        return values
-    imaginary = values.imag
-    largest = abs(imaginary.tocoo() if hasattr(imaginary, "tocoo") else imaginary).max()
-    if largest != 0.0:
-        raise ValueError(
-            f"{name} has imaginary parts, the largest {largest:.3g}, which would be lost: numbers "
-            "are real here. Structural damping, K (1 + i eta), is viscous damping "
-            "C = eta K / Omega at one frequency"
-        )
-    return values.real
 
 
 def _several(name: str, given: Any) -> list[Any]:

@@ -1587,6 +1587,8 @@ class StoredSystem(TypedDict):
     """Degrees of freedom."""
     constraints: int
     """Number of constraints."""
+    unused: NotRequired[list[str]]
+    """Names of what the files have and the system does not use, at most 100."""
 
 
 class Progress(TypedDict):

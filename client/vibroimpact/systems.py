@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from vibroimpact.arguments import array, integer, number, numbers, real
+from vibroimpact.arguments import array, integer, number, numbers
 from vibroimpact.loads import base_motion, base_vibration, drive, harmonic, sampled
 from vibroimpact.stops import constraint, dashpot, soft
 from vibroimpact.structures import Structure
+from vibroimpact_schema.imaginary import real
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_schema import number_tables
+from vibroimpact_schema.imaginary import LOST
 from vibroimpact_schema.number_tables import Floats, NumberTable, TextError
 
 Indices = NDArray[np.int64]
@@ -39,11 +40,6 @@ _FIELDS: Final = ("real", "double", "integer", "unsigned-integer", "complex")
 _SYMMETRIES: Final = ("general", "symmetric", "hermitian")
 LARGEST: Final = 2**31 - 1
 """Rows that a matrix can have."""
-LOST: Final = (
-    "would be lost: matrices are real here. Structural damping, K (1 + i eta), is viscous damping "
-    "C = eta K / Omega at one frequency"
-)
-"""What is said of imaginary parts."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,3 +65,7 @@ class StoredSystem(Document):
     id: str = Field(examples=["sys_" + "0" * 64])
     n: Count = Field(description="Degrees of freedom.")
     constraints: int = Field(ge=0, description="Number of constraints.")
+    unused: list[str] = Field(
+        default_factory=list,
+        description="Names of what the files have and the system does not use, at most 100.",
+    )

@@ -62,7 +62,8 @@ MALFORMED_FILE = _type(
     400,
     "The file does not have the format of its media type",
     "Matrix Market text must be real and general or symmetric; .npy must hold real "
-    "numbers and have the length that its header states.",
+    "numbers and have the length that its header states; parts of multipart/form-data are files "
+    "with the format that the ending of their name tells.",
 )
 UNAUTHENTICATED = _type(
     "unauthenticated",
@@ -140,7 +141,7 @@ UNSUPPORTED_MEDIA_TYPE = _type(
     415,
     "The media type or coding of the body is not supported",
     "Send application/json in UTF-8 without content coding; to /v1/systems also "
-    "application/x-matrix-market or application/x-npy.",
+    "application/x-matrix-market, application/x-npy or multipart/form-data.",
 )
 RANGE_NOT_SATISFIABLE = _type(
     "range_not_satisfiable",

@@ -25,6 +25,7 @@ from tests.effort import least
 JSON = "application/json"
 MARKET = "application/x-matrix-market"
 NPY = "application/x-npy"
+FORM = "multipart/form-data; boundary=x"
 MODES = "/v1/compute/impact-modes"
 MIB = 2**20
 
@@ -52,6 +53,13 @@ def zip_bomb() -> bytes:
 
 def market(sizes: str) -> str:
     return f"%%MatrixMarket matrix coordinate real general\n{sizes}\n1 1 1.0\n"
+
+
+def form(*contents: bytes, name: str = "K.csv") -> bytes:
+    """Return a body of parts with the boundary x."""
+    head = f'--x\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
+    parts = (head.encode() + content + b"\r\n" for content in contents)
+    return b"".join(parts) + b"--x--\r\n"
 
 
 HOSTILE: dict[str, tuple[str, str, str | bytes]] = {
@@ -135,6 +143,21 @@ HOSTILE: dict[str, tuple[str, str, str | bytes]] = {
     "market of many entries": ("/v1/systems", MARKET, market("5000 5000 25000000")),
     "market without end": ("/v1/systems", MARKET, "%%MatrixMarket " + "x" * 10 * MIB),
     "market of comments": ("/v1/systems", MARKET, market("%") + "%\n" * 10**6),
+    "form without parts": ("/v1/systems", FORM, bytes(10 * MIB)),
+    "form without end": ("/v1/systems", FORM, form(b"1" * 10 * MIB)[:-6]),
+    "form of many parts": ("/v1/systems", FORM, form(*[b"1\n"] * 10**5)),
+    "form of boundaries": ("/v1/systems", FORM, b"\r\n--x" * 10**6),
+    "form of a gzip bomb": (
+        "/v1/systems", FORM,
+        form(gzip.compress(bytes(100 * MIB)), name="K.mtx.gz"),
+    ),
+    "form of a zip bomb": (
+        "/v1/systems", FORM, form(zip_bomb(), name="K.npz"),
+    ),
+    "form of 10 to the 12 rows": (
+        "/v1/systems", FORM,
+        form(b"1 1 1.0\n1000000000000 1 1.0\n", name="K.sti"),
+    ),
     "job of another kind": ("/v1/jobs", JSON, json.dumps({"kind": "x" * 1000, "request": {}})),
     "key of everything": ("/v1/keys", JSON, json.dumps({"owner": "\u202e" * 99})),
 }  # fmt: skip

@@ -1,7 +1,8 @@
-"""Files of matrices: those that the page reads itself, and what it says of the others."""
+"""Files of matrices: sent as they are, and what is said of those that are not read."""
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 from collections.abc import Callable
@@ -15,6 +16,7 @@ import scipy.sparse as sparse
 from playwright.sync_api import Page, expect
 
 from tests.browser.visits import Visit
+from tests.client import program_files
 
 N = 5
 M = np.diag(np.linspace(1.0, 2.0, N))
@@ -64,13 +66,25 @@ def _market(folder: Path) -> list[str]:
 
 
 def _beside_market(folder: Path) -> list[str]:
-    """Written as a text of Matrix Market beside one, with exponents as Fortran writes them."""
+    """Texts beside one another, with exponents as Fortran writes them."""
     scipy.io.mmwrite(folder / "M.mtx", sparse.coo_array(M), symmetry="symmetric")
     text = (folder / "M.mtx").read_text()
     (folder / "M.mtx").write_text(text.replace("\n", " \r\n"))
     lines = [" ".join(f"{value:.16E}".replace("E", "D") for value in row) for row in np.tril(K)]
     (folder / "K.txt").write_text("\n".join(lines))
     return ["M.mtx", "K.txt"]
+
+
+def _nastran(folder: Path) -> list[str]:
+    data = program_files.op4_binary({"MGG": M, "KGG": K}, sparse=True)
+    (folder / "model.op4").write_bytes(data)
+    return ["model.op4"]
+
+
+def _calculix(folder: Path) -> list[str]:
+    (folder / "job.sti").write_text(program_files.calculix(K))
+    (folder / "job.mas.gz").write_bytes(gzip.compress(program_files.calculix(M).encode()))
+    return ["job.sti", "job.mas.gz"]
 
 
 def _dense(matrix: Any) -> np.ndarray:
@@ -102,17 +116,21 @@ def _stored(page: Page, console: Visit, files: list[Path]) -> Any:
         _abaqus,
         _market,
         _beside_market,
+        _nastran,
+        _calculix,
     ],
 )
-def test_the_page_reads(console: Visit, tmp_path: Path, write: Callable[[Path], list[str]]) -> None:
+def test_files_are_sent_as_they_are(
+    console: Visit, tmp_path: Path, write: Callable[[Path], list[str]]
+) -> None:
     page = console.open("modes")
     system = _stored(page, console, [tmp_path / name for name in write(tmp_path)])
     np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-7)
-    np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+    np.testing.assert_allclose(_dense(system["K"]), K, rtol=1e-13)
     expect(page.locator("#message")).to_be_empty()
 
 
-def test_two_market_files_go_to_the_service_in_their_order(console: Visit, tmp_path: Path) -> None:
+def test_the_order_of_files_is_any(console: Visit, tmp_path: Path) -> None:
     page = console.open("modes")
     for name, matrix in (("stiffness", K), ("mass", M)):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sparse.coo_array(matrix))
@@ -163,19 +181,19 @@ def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path:
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("K.csv", "1, 2\n3\n", "as many lines as numbers in each"),
-        ("K.csv", "1, x\n2, 3\n", "a line without numbers: 1, x"),
-        ("K.mtx", "1 1\n2 2\n", "neither Matrix Market nor of lines with 3 or 5 numbers"),
-        ("K.npz", "no archive", "is no .npz file"),
+        ("K.csv", "1, 2\n3\n", "K.csv: line 2: 1 number instead of 2"),
+        ("K.csv", "1, x\n2, 3\n", "line 1: 'x' is not a number"),
+        ("K.mtx", "1 1\n2 2\n", "line 1: 2 numbers; lists of entries have 3 or 5"),
+        ("K.npz", "no archive", "K.npz: it is no archive of numpy"),
         ("K.mtx", "2 2 2\n1 1 2.5\n2 2 1.5\n", "line 1: it can be an entry, or the size"),
-        ("K.mtx", "1 1 0x10\n", '"0x10" is not a number'),
-        ("K.mtx", "1.5 1 2\n", "line 1: an index is not whole"),
-        ("K.csv", "1,5;2\n2;3\n", "line 1: decimal commas are not read"),
+        ("K.mtx", "1 1 0x10\n", "'0x10' is hexadecimal"),
+        ("K.mtx", "1.5 1 2\n", "line 1: '1.5' is not a whole number"),
+        ("K.csv", "1,5;2\n2;3\n", "line 1: '1,5' has a decimal comma"),
         ("K.csv", "1,,2\n2,1\n", "an empty field"),
         (
             "K.mtx",
             "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 1,5\n",
-            "Line 3: '1,5' has a decimal comma",
+            "line 3: '1,5' has a decimal comma",
         ),
         ("K.json", "{}", "M"),
     ],
@@ -194,7 +212,9 @@ def test_names_that_do_not_tell_are_asked_for(console: Visit, tmp_path: Path) ->
         np.savetxt(tmp_path / f"{name}.csv", K, delimiter=",")
     page = console.open("modes")
     page.locator("#upload").set_input_files([tmp_path / "one.csv", tmp_path / "two.csv"])
-    expect(page.locator("#message")).to_contain_text("Name them M, K and C")
+    expect(page.locator("#message")).to_contain_text(
+        "one.csv: its name does not tell which matrix it is"
+    )
 
 
 def test_a_structure_comes_with_its_geometry(console: Visit, tmp_path: Path) -> None:
@@ -264,3 +284,21 @@ def test_an_uploaded_structure_is_given_damping(console: Visit, tmp_path: Path) 
     assert sent["id"].startswith("sys_")
     expect(page.get_by_label("Damping ratio ζ", exact=True)).to_have_value("0.02")
     expect(page.locator(".verdict")).to_contain_text("certified")
+
+
+def test_files_are_dropped_and_what_is_not_used_is_said(console: Visit) -> None:
+    text = program_files.op4_text({"MGG": M, "KGG": K, "PHG": K[:, :2].copy()})
+    page = console.open("modes")
+    with page.expect_response(re.compile("/v1/systems$")) as answer:
+        page.evaluate(
+            """text => {
+                const data = new DataTransfer();
+                data.items.add(new File([text], "model.op4"));
+                const box = document.querySelector("p.upload");
+                box.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+            }""",  # noqa: E501
+            text,
+        )
+    assert answer.value.json()["unused"] == ["PHG"]
+    expect(page.locator("#structure")).to_contain_text(f"{N} degrees of freedom")
+    expect(page.locator("#message")).to_contain_text("Not used: PHG.")

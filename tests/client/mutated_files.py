@@ -101,7 +101,7 @@ class Reader:
             if media_type == stored_systems.JSON:
                 document = parse.document(stored_systems.SYSTEM, parse.json(body))
             else:
-                document = upload.system(media_type, body, self._settings)
+                document, _ = upload.system(media_type, body, self._settings)
             decode.system(document)
         except ModelError:
             return "refused"

@@ -5,8 +5,8 @@ Needs scipy:  ``pip install 'vibroimpact[models]'``.
 
 from vibroimpact.models.comparison import Comparison
 from vibroimpact.models.label_files import read_nodes
-from vibroimpact.models.labels import Nodes
 from vibroimpact.models.model import Model
+from vibroimpact.models.nodes import Nodes
 from vibroimpact.models.readers import read_model
 from vibroimpact.models.reduced import Reduction
 from vibroimpact.models.reduction import condense, reduce

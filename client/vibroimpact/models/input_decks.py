@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from vibroimpact.models import file_bytes, fixed_fields
-from vibroimpact.models.labels import Nodes, label
+from vibroimpact.models.nodes import Nodes
+from vibroimpact_schema.files import file_bytes, fixed_fields
+from vibroimpact_schema.files.labels import label
 from vibroimpact_schema.number_tables import TextError, shown
 
 _SHAPES: Final = (

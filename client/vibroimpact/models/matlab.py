@@ -15,8 +15,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from vibroimpact.models import matlab_hdf5
-from vibroimpact.models.labels import Content
 from vibroimpact.models.matlab_hdf5 import NotNumbers
+from vibroimpact_schema.files.labels import Content
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8",
                  12: "i8", 13: "u8"}  # fmt: skip

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.arguments import real
 from vibroimpact.errors import InvalidRequest, MissingExtra
 from vibroimpact.local import Local
-from vibroimpact.models.motion_files import DIRECTIONS, write_motion
+from vibroimpact.models.motion_files import write_motion
 from vibroimpact.systems import constraint, system
 from vibroimpact.tables import Array
+from vibroimpact_schema.files.labels import DIRECTIONS, Label
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
@@ -26,13 +26,9 @@ if TYPE_CHECKING:
     from vibroimpact.systems import Constraints, Damping, Dashpots
 
 try:
-    import scipy.sparse as sparse
-except ImportError as missing:
+    from vibroimpact_schema.files import symmetry
+except ImportError as missing:  # scipy
     raise MissingExtra("finite-element models", "models", missing) from missing
-
-Label = tuple[int, str]
-ROUNDING = 1e-9
-"""Difference of mirrored entries, relative to the largest, that is taken for rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,7 +72,7 @@ class Model:
     labels: Sequence[Label] = ()
     coordinates: Mapping[int, Sequence[float]] = field(default_factory=dict)
     units: Mapping[str, str] | None = None
-    rounding: float = ROUNDING
+    rounding: float = symmetry.ROUNDING
     symmetrize: bool = False
     elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
     base: Mapping[str, Array] = field(default_factory=dict)
@@ -433,30 +429,14 @@ class Model:
 
 def _symmetric(name: str, given: Any, rounding: float, symmetrize: bool) -> Any:
     """Return a matrix as rows of its nonzero entries; a triangle stands for the whole."""
-    given = real(name, given)
-    if np.ndim(given) == 1:
-        given = sparse.diags_array(np.asarray(given, dtype=np.float64))
-    matrix = sparse.csr_array(given, dtype=np.float64)
-    if matrix.shape[0] != matrix.shape[1]:
-        raise ValueError(f"{name} is not square: {matrix.shape}")
-    if not np.isfinite(matrix.data).all():
-        raise ValueError(f"{name} has entries that are not finite")
-    lower, upper = sparse.tril(matrix, -1), sparse.triu(matrix, 1)
-    if lower.count_nonzero() == 0 or upper.count_nonzero() == 0:
-        matrix = matrix + lower.T + upper.T
-    difference = sparse.coo_array(abs(matrix - matrix.T))
-    if difference.nnz and difference.max() > rounding * abs(matrix).max():
-        at = int(difference.data.argmax())
-        i, j = (int(index[at]) for index in difference.coords)
-        relative = difference.data[at] / abs(matrix).max()
-        what = f"entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} of the largest entry"
+    matrix = symmetry.square(name, given)
+    try:
+        symmetry.check(name, matrix, rounding)
+    except symmetry.NotSymmetricError as error:
         if not symmetrize:
             raise ValueError(
-                f"{name} is not symmetric: {what}. symmetrize=True takes the mean of both, "
-                "whatever it is. If it is rounding, as of single precision, allow it: "
-                f"rounding={2 * relative:.1g}"
-            )
-        warnings.warn(f"{name} became symmetric: {what}", UserWarning, stacklevel=4)
-    matrix = sparse.csr_array(0.5 * (matrix + matrix.T))
-    matrix.eliminate_zeros()
-    return matrix
+                f"{error}. symmetrize=True takes the mean of both, whatever it is. If it is "
+                f"rounding, as of single precision, allow it: rounding={2 * error.relative:.1g}"
+            ) from None
+        warnings.warn(f"{name} became symmetric: {error.places}", UserWarning, stacklevel=4)
+    return symmetry.mean(matrix)

@@ -10,9 +10,8 @@ import numpy as np
 
 from vibroimpact.models import mesh_files, universal_files
 from vibroimpact.tables import Array
+from vibroimpact_schema.files.labels import DIRECTIONS
 
-DIRECTIONS: Final = ("x", "y", "z", "rx", "ry", "rz")
-"""Directions 1 to 6 of finite-element programs."""
 _WORDS: Final = {"displacement": "rotation", "velocity": "angular_velocity"}
 """Vectors of displacements -> those of rotations."""
 _ENDINGS: Final = (".vtu", ".pvd", ".xdmf", ".unv", ".uff")

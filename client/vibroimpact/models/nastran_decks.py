@@ -11,9 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact.models import file_bytes, fixed_fields
-from vibroimpact.models.labels import Nodes, label
-from vibroimpact.models.nastran import fields_of
+from vibroimpact.models.nodes import Nodes
+from vibroimpact_schema.files import file_bytes, fixed_fields
+from vibroimpact_schema.files.labels import label
+from vibroimpact_schema.files.nastran import fields_of
 from vibroimpact_schema.number_tables import TextError
 
 _SHAPES: Final[Mapping[bytes, tuple[int, Mapping[int, str]]]] = {

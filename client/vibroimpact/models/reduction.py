@@ -30,11 +30,12 @@ from vibroimpact.models.flexibility import (
     rigid_body_modes,
     unit_stiffness,
 )
-from vibroimpact.models.model import Label, Model
+from vibroimpact.models.model import Model
 from vibroimpact.models.reduced import Reduction
 from vibroimpact.models.static_solvers import flexibilities
 from vibroimpact.models.whole_system import base_displacements
 from vibroimpact.tables import Array
+from vibroimpact_schema.files.labels import Label
 
 
 def condense(model: Model) -> Reduction:

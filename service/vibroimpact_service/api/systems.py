@@ -27,6 +27,12 @@ _CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0
 _MATRIX_MARKET: Final = (
     "%%MatrixMarket matrix coordinate real symmetric\n2 2 3\n1 1 2.0\n2 1 -1.0\n2 2 2.0\n"
 )
+
+
+def _file(description: str) -> openapi.Declaration:
+    return {**openapi.BINARY, "description": description}
+
+
 _FILES: Final[Mapping[str, openapi.Declaration]] = {
     "application/x-matrix-market": {
         "schema": {
@@ -39,6 +45,24 @@ _FILES: Final[Mapping[str, openapi.Declaration]] = {
         "schema": {
             **openapi.BINARY,
             "description": "float64 of shape (n, n): K; (2, n, n): M and K; (3, n, n): M, K and C.",
+        }
+    },
+    stored_systems.MULTIPART: {
+        "schema": {
+            "type": "object",
+            "description": "Files of other programs as they are; how their names end tells the "
+            "format, see Structures. Unpacked, they have at most as many bytes as a body. Masses "
+            "are 1 where there are none.",
+            "properties": {
+                **{name: _file(f"File of the matrix {name}.") for name in ("M", "K", "C")},
+                "file": {
+                    "type": "array",
+                    "items": _file("A file."),
+                    "description": "Files of several matrices, or whose names tell which they "
+                    "have, and the .dof or .mapping beside one.",
+                },
+            },
+            "additionalProperties": False,
         }
     },
 }
@@ -69,10 +93,13 @@ def _stored(description: str) -> openapi.Declaration:
 async def store_system(request: Request) -> Response:
     """Store a system: its id, a hash of the content, can then be used in its place."""
     media_type, body = await bodies.read_body(request, stored_systems.MEDIA_TYPES)
+    packed = media_type == stored_systems.MULTIPART
+    content_type = request.headers["content-type"] if packed else media_type
     evaluation, settings = services(request).evaluation, services(request).settings
     stored, new = await evaluation.threads.parse(
         body,
-        lambda: stored_systems.put(evaluation.store, settings, owner(request), media_type, body),
+        lambda: stored_systems.put(evaluation.store, settings, owner(request), content_type, body),
+        packed=packed,
     )
     headers = {"Location": f"/v1/systems/{stored.id}"}
     return answers.document(stored, 201 if new else 200, headers)

@@ -44,15 +44,16 @@ export function keep(text) {
  * Send a request and return the answer, whatever its type.
  * @param {string} method
  * @param {string} path
- * @param {any} [body] a document, or a Blob that is sent as it is
+ * @param {any} [body] a document, or a Blob or the parts of a form, which are sent as they are
  * @param {Record<string, string>} [headers]
  * @param {AbortSignal} [signal]
  */
 export async function send(method, path, body, headers = {}, signal) {
   /** @type {Record<string, string>} */
   const sent = { Accept: "application/json", ...headers };
-  const raw = body instanceof Blob;
-  if (body !== undefined && !sent["Content-Type"]) sent["Content-Type"] = raw ? body.type : "application/json";
+  const form = body instanceof FormData; // the browser names its boundary
+  const raw = form || body instanceof Blob;
+  if (body !== undefined && !form && !sent["Content-Type"]) sent["Content-Type"] = raw ? body.type : "application/json";
   if (key()) sent.Authorization = `Bearer ${key()}`;
   const content = body === undefined || raw ? body : JSON.stringify(body);
   let answer;

@@ -195,8 +195,9 @@ function loads(rebuild) {
 
 function upload() {
   const input = make("input", { type: "file", id: "upload", multiple: true, accept: ENDINGS.map((ending) => `.${ending}`).join(), class: "visually-hidden" });
-  input.addEventListener("change", async () => {
-    const files = [...(input.files || [])];
+  /** @param {FileList | null | undefined} list */
+  async function given(list) {
+    const files = [...(list || [])];
     if (!files.length) return;
     clearFaults();
     try {
@@ -205,18 +206,26 @@ function upload() {
       showError(error);
     }
     input.value = "";
+  }
+  input.addEventListener("change", () => given(input.files));
+  const box = make("p", { class: "upload" }, input, make("label", { for: "upload", class: "quiet button" }, "Upload matrices …"),
+    make("span", { class: "hint" }, " of Nastran, Abaqus, CalculiX, ANSYS, numpy, or .mtx, .csv, .json; one file, or M and K, also dropped here"));
+  box.addEventListener("dragover", (event) => event.preventDefault());
+  box.addEventListener("drop", (event) => {
+    event.preventDefault();
+    given(event.dataTransfer && event.dataTransfer.files);
   });
-  return make("p", { class: "upload" }, input, make("label", { for: "upload", class: "quiet button" }, "Upload matrices …"),
-    make("span", { class: "hint" }, " .mtx, .npy, .npz, .csv or .json; one file, or M and K"));
+  return box;
 }
 
 /** Store files as a structure. @param {File[]} files */
 async function take(files) {
   const { content, geometry } = await structureOf(files);
-  const { id } = await (await send("POST", "/v1/systems", content)).json();
+  const { id, unused } = await (await send("POST", "/v1/systems", content)).json();
   const structure = await loaded({ ...preset("stored"), id, name: files.map(({ name }) => name).join(", "), geometry });
   structure.stops = await firstStop(structure);
   setStructure(structure, {});
+  if (unused.length) showError(new Error(`Not used: ${unused.join(", ")}.`));
 }
 
 /**

@@ -17,15 +17,18 @@ from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError
 
 JSON: Final = "application/json"
-MEDIA_TYPES: Final = (JSON, "application/x-matrix-market", "application/x-npy")
+MULTIPART: Final = "multipart/form-data"
+MEDIA_TYPES: Final = (JSON, "application/x-matrix-market", "application/x-npy", MULTIPART)
 """Media types in which systems are accepted."""
+_MOST_NAMES: Final = 100
+"""Names of unused matrices that an answer lists."""
 SYSTEM: Final[TypeAdapter[AnySystem | SystemReference]] = TypeAdapter(System)
 
 
 def put(
-    store: Store, settings: Settings, owner: str, media_type: str, body: bytes
+    store: Store, settings: Settings, owner: str, content_type: str, body: bytes
 ) -> tuple[StoredSystem, bool]:
-    """Store the system in a body; return it, and whether it is new.
+    """Store the system in a body of a content type; return it, and whether it is new.
 
     Raises
     ------
@@ -35,10 +38,11 @@ def put(
     # The numerical libraries and the readers of files load at the first system.
     from vibroimpact_service.documents import decode, upload
 
-    if media_type == JSON:
+    unused = list[str]()
+    if content_type == JSON:
         document = parse.document(SYSTEM, parse.json(body))
     else:
-        document = upload.system(media_type, body, settings)
+        document, unused = upload.system(content_type, body, settings)
     if isinstance(document, SystemReference):
         check_owner(owner, document)
         document = resolve(store, document)
@@ -52,7 +56,10 @@ def put(
     new = not store.systems.readable(name)
     if new:
         store.systems.put(name, data)
-    return StoredSystem(id=name, n=system.n, constraints=len(system.constraints)), new
+    stored = StoredSystem(
+        id=name, n=system.n, constraints=len(system.constraints), unused=unused[:_MOST_NAMES]
+    )
+    return stored, new
 
 
 def resolve(store: Store, reference: SystemReference, *where: str) -> AnySystem:

@@ -229,11 +229,14 @@ class Threads:
             raise problems.stopping()
         return pool.run(work)
 
-    async def parse(self, body: bytes, work: Callable[[], Value]) -> Value:
-        """Return what a function makes of a body, called where that delays no other request."""
-        if len(body) <= _SMALL_BODY:
+    async def parse(self, body: bytes, work: Callable[[], Value], *, packed: bool = False) -> Value:
+        """Return what a function makes of a body, called where that delays no other request.
+
+        `packed` tells that it can be much larger than it looks.
+        """
+        if len(body) <= _SMALL_BODY and not packed:
             return work()
-        if len(body) <= _LARGE_BODY:
+        if len(body) <= _LARGE_BODY and not packed:
             return await self.run(work)
         async with self._large:
             return await self.run(lambda: _uncollected(work))

@@ -47,7 +47,7 @@ def test_matrix_market_is_read_to_the_bit(make: Any, symmetry: str) -> None:
     third = K / 3.0
     third = (third + third.T) / 2.0
     text = market(make(third), symmetry=symmetry, precision=17)
-    found = upload.system(upload.MATRIX_MARKET, text, LIMITS)
+    found, _ = upload.system(upload.MATRIX_MARKET, text, LIMITS)
     assert np.array_equal(dense(found.K), third)
     assert (found.M.scalar, found.M.n) == (1.0, 3)  # type: ignore[union-attr]
     assert found.C is None
@@ -55,7 +55,7 @@ def test_matrix_market_is_read_to_the_bit(make: Any, symmetry: str) -> None:
 
 def test_matrices_follow_one_another() -> None:
     text = market(sparse.coo_array(M)) + b"\n" + market(K) + market(0.1 * K)
-    found = upload.system(upload.MATRIX_MARKET, text, LIMITS)
+    found, _ = upload.system(upload.MATRIX_MARKET, text, LIMITS)
     for given, matrix in ((M, found.M), (K, found.K), (0.1 * K, found.C)):
         assert np.allclose(dense(matrix), given, rtol=1e-15)
 
@@ -65,7 +65,7 @@ def test_integers_comments_blank_lines_and_repeated_entries() -> None:
         b"%%matrixmarket MATRIX Coordinate Integer symmetric\n"
         b"% made by hand\n%\n\n 2 2 4 \n1 1 2\n1 1 1\n2 1 -1\n2 2 2\n"
     ).replace(b"%%matrixmarket", b"%%MatrixMarket")
-    found = upload.system(upload.MATRIX_MARKET, text, LIMITS)
+    found, _ = upload.system(upload.MATRIX_MARKET, text, LIMITS)
     assert np.array_equal(dense(found.K), [[3.0, -1.0], [-1.0, 2.0]])
 
 
@@ -73,10 +73,10 @@ def test_integers_comments_blank_lines_and_repeated_entries() -> None:
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_npy_is_read_to_the_bit(dtype: str, order: str) -> None:
     stack = np.array([M, abs(K)]).astype(dtype).copy(order)  # type: ignore[call-overload]
-    found = upload.system(upload.NPY, npy(stack), LIMITS)
+    found, _ = upload.system(upload.NPY, npy(stack), LIMITS)
     assert np.array_equal(dense(found.M), stack[0])
     assert np.array_equal(dense(found.K), stack[1])
-    alone = upload.system(upload.NPY, npy(stack[1]), LIMITS)
+    alone, _ = upload.system(upload.NPY, npy(stack[1]), LIMITS)
     assert np.array_equal(dense(alone.K), stack[1])
 
 
@@ -136,12 +136,12 @@ def test_texts_that_are_none(text: bytes, status: int) -> None:
 @pytest.mark.parametrize("end", ["", "\n", "\r", "\r\n", " ", "\t"])
 def test_numbers_that_other_readers_cut_or_end_at(value: str, number: float, end: str) -> None:
     text = HEADER + f"1 1 1\n1 1 {value}{end}".encode()
-    assert dense(upload.system(upload.MATRIX_MARKET, text, LIMITS).K).tolist() == [[number]]
+    assert dense(upload.system(upload.MATRIX_MARKET, text, LIMITS)[0].K).tolist() == [[number]]
 
 
 @pytest.mark.parametrize("text", [market(np.tril(K)), market(sparse.coo_array(np.triu(K)))])
 def test_a_triangle_stands_for_the_whole(text: bytes) -> None:
-    assert dense(upload.system(upload.MATRIX_MARKET, text, LIMITS).K).tolist() == K.tolist()
+    assert dense(upload.system(upload.MATRIX_MARKET, text, LIMITS)[0].K).tolist() == K.tolist()
 
 
 def test_the_line_at_fault_is_told() -> None:
@@ -173,12 +173,10 @@ def archive(name: str) -> bytes:
         (npy(K)[:-1], 400),
         (npy(K) + b"\0", 400),
         (npy(np.ones((2, 3))), 400),
-        (npy(np.ones(4)), 400),
         (npy(np.ones((4, 2, 2))), 400),
         (npy(np.ones((0, 0))), 400),
         (npy(np.ones((101, 101))), 413),
-        (npy(np.ones((2, 2), complex)), 400),
-        (npy(np.ones((2, 2), bool)), 400),
+        (npy(np.ones((2, 2)) * (1 + 0.1j)), 400),
         (npy(np.array([["a"]])), 400),
         (npy(np.array([[None]]), allow_pickle=True), 400),
         (npy(np.zeros((1, 1), [("a", float)])), 400),

@@ -14,19 +14,23 @@ from typing import Any, Final
 import numpy as np
 import scipy.sparse as sparse
 
-from vibroimpact.models import file_bytes, fixed_fields
-from vibroimpact.models.labels import ComplexMatrix, Content, label
+from vibroimpact_schema.files import file_bytes, fixed_fields
+from vibroimpact_schema.files.bounds import LOCAL, Bounds, check_count
+from vibroimpact_schema.files.labels import ComplexMatrix, Content, label
 from vibroimpact_schema.number_tables import TextError
 
 _NAME, _DATA, _WIDTH = 8, 64, 32
 """Characters of a name, of the fields of a line, and of a field in memory."""
 _SYMMETRIC: Final = 6
+_LONGEST: Final = 1000
+"""Characters of a line in free fields; what stands behind them is no field of a card."""
+_MOST_NODE: Final = 2**40
 _ZERO: Final = np.frombuffer(b"0", dtype=np.uint8)[0]
 
 
-def dmig(data: bytes) -> Content:
+def dmig(data: bytes, bounds: Bounds = LOCAL) -> Content:
     """Read cards DMIG: a head, and for every column its entries."""
-    lines = file_bytes.lines(data)
+    lines = file_bytes.lines(data, bounds)
     cards = _cards(lines)
     matrices = _matrices(cards)
     if not any(each.values.size for each in matrices.values()):
@@ -45,13 +49,13 @@ def dmig(data: bytes) -> Content:
 
 def fields_of(line: bytes) -> tuple[bytes, list[bytes]]:
     """Return the name of a card, b"" of what continues one, and its data fields without blanks."""
-    line = line.partition(b"$")[0].rstrip().expandtabs(8)
+    line = line.partition(b"$")[0].rstrip()[:_LONGEST].expandtabs(8)
     if not line:
         return b"", []
     large = b"*" in line[:_NAME]
     count = 4 if large else 8
     if b"," in line:
-        first, *fields = (part.strip() for part in line.split(b","))
+        first, *fields = map(bytes.strip, line.split(b","))
     else:
         width, data = _DATA // count, line[_NAME : _NAME + _DATA]
         first = line[:_NAME].strip()
@@ -98,11 +102,16 @@ def _cards(lines: Sequence[bytes]) -> _Cards:
     small = ~large
     fields[small, :, :8] = data[small].reshape(-1, 8, 8)
     fields[large, :4, :16] = data[large].reshape(-1, 4, 16)
-    for row in np.flatnonzero(~regular):
-        given, parts = fields_of(lines[at[row]])
-        name[row] = given
-        padded = b"".join(part[:width].ljust(width) for part in [*parts, *[b""] * 8][:8])
-        fields[row] = np.frombuffer(padded, dtype=np.uint8).reshape(8, width)
+    others, names, flat = np.flatnonzero(~regular), list[bytes](), list[bytes]()
+    for number in at[others].tolist():
+        given, parts = fields_of(lines[number])
+        names.append(given)
+        flat += parts[:8]
+        flat += [b""] * (8 - len(parts))
+    if names:
+        name[others] = names
+        free: Any = np.array(flat, dtype=f"S{width}").view(np.uint8)
+        fields[others] = np.where(free == 0, np.uint8(ord(" ")), free).reshape(-1, 8, width)
     return _Cards(name, fields, at + 1)
 
 
@@ -134,29 +143,25 @@ def _matrices(cards: _Cards) -> dict[str, _Matrix]:
     owner = np.full(len(cards.line), -1)
     owner[starts] = starts
     owner = np.maximum.accumulate(owner) if len(owner) else owner
-    named = {
-        int(row): np.strings.strip(words[row]).tolist()
-        for row in starts
-        if cards.name[row] == b"DMIG"
-    }
-    heads = {row: each for row, each in named.items() if each[1] == b"0"}
-    forms = {each[0].upper(): each[2] for each in heads.values()}
-    columns = np.array([row for row in named if row not in heads], dtype=np.int64)
-    names = {each[0].upper(): None for each in named.values()}
-    number = {name: place for place, name in enumerate(names)}
+    named = np.flatnonzero(cards.name == b"DMIG")
+    texts = np.strings.upper(np.strings.strip(words[named, :3]))
+    is_head = texts[:, 1] == b"0"
+    forms = {name: form for name, _, form in texts[is_head].tolist()}
+    names, number = np.unique(texts[:, 0], return_inverse=True)
+    check_count(len(names))
     matrix_of = np.full(len(cards.line), -1)
-    for row in columns.tolist():
-        matrix_of[row] = number[named[row][0].upper()]
+    matrix_of[named[~is_head]] = number[~is_head]
     used = np.flatnonzero((owner >= 0) & (matrix_of[owner] >= 0))
     entries = _entries(cards, used, owner)
     belongs = matrix_of[entries.card]
+    order = np.argsort(belongs, kind="stable")
+    parts = np.split(order, np.searchsorted(belongs[order], np.arange(1, len(names))))
     return {
         name.decode("latin-1"): _Matrix(
-            entries.ends[belongs == place], entries.values[belongs == place, 0],
-            entries.values[belongs == place, 1], entries.line[belongs == place],
-            forms.get(name) == b"%d" % _SYMMETRIC,
+            entries.ends[part], entries.values[part, 0], entries.values[part, 1],
+            entries.line[part], forms.get(name) == b"%d" % _SYMMETRIC,
         )
-        for name, place in number.items()
+        for name, part in zip(names.tolist(), parts, strict=False)
     }  # fmt: skip
 
 
@@ -188,6 +193,9 @@ def _entries(cards: _Cards, rows: Any, owner: Any) -> _Entries:
     wrong = (ends != np.floor(ends)).any(axis=1)
     if wrong.any():
         raise TextError(int(line[np.argmax(wrong)]), "a node or component is no whole number")
+    large = (np.abs(ends) >= _MOST_NODE).any(axis=1)
+    if large.any():
+        raise TextError(int(line[np.argmax(large)]), "a node or component has too large a number")
     return _Entries(ends.astype(np.int64), values[:, 2:], line, card)
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
-from vibroimpact.models.model import Label
-from vibroimpact.models.motion_files import DIRECTIONS
-from vibroimpact_schema.matrix_market import LOST
+from vibroimpact_schema.imaginary import LOST
 
+Label = tuple[int, str]
+"""Node and direction of a degree of freedom."""
+DIRECTIONS: Final = ("x", "y", "z", "rx", "ry", "rz")
+"""Directions 1 to 6 of finite-element programs."""
 _PLAIN: Final[Mapping[str, str]] = {
     **dict.fromkeys(("M", "MASS"), "M"),
     **dict.fromkeys(("K", "STIFFNESS", "STIF", "STIFF"), "K"),
@@ -32,6 +34,10 @@ _DIRECTIONS: Final[Mapping[str, str]] = {
     "0": "x",
 }
 """Names of directions: 1 to 6, x to rz, and those of ANSYS, Abaqus and Nastran."""
+
+
+STACKS: Final[Mapping[int, Sequence[str]]] = {1: ("",), 2: ("M", "K"), 3: ("M", "K", "C")}
+"""Number of matrices behind another in one file, as texts or in one array -> their names."""
 
 
 class ComplexMatrix:
@@ -56,28 +62,6 @@ class Content:
 
     matrices: Mapping[str, Any]
     labels: Sequence[Label] | None
-
-
-@dataclass(frozen=True, eq=False)
-class Nodes:
-    """What a deck says of nodes.
-
-    Parameters
-    ----------
-    coordinates : mapping
-        Node -> its coordinates.
-    labels : sequence of (int, str)
-        All degrees of freedom that nodes can have, in the order of their numbers; empty: unknown.
-    held : set of (int, str)
-        Those that are held.
-    elements : mapping
-        Shape -> the nodes of each element; of shapes that `Model.write` knows.
-    """
-
-    coordinates: Mapping[int, Sequence[float]]
-    labels: Sequence[Label] = ()
-    held: frozenset[Label] = field(default_factory=frozenset)
-    elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
 
 
 def label(node: int, component: int) -> Label:

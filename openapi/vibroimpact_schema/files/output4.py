@@ -8,6 +8,7 @@ string is ``IROW + 65536 (L + 1)``, or ``L + 1`` and IROW where a matrix has mor
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -15,11 +16,12 @@ from typing import Any, Final
 import numpy as np
 import scipy.sparse as sparse
 
-from vibroimpact.models import file_bytes, fixed_fields, output4_binary
-from vibroimpact.models.labels import ComplexMatrix, Content
+from vibroimpact_schema.files import file_bytes, fixed_fields, output4_binary
+from vibroimpact_schema.files.bounds import LOCAL, Bounds, check_count
+from vibroimpact_schema.files.labels import ComplexMatrix, Content
 from vibroimpact_schema.number_tables import TextError
 
-_FORMAT: Final = re.compile(rb"([0-9]+)[EeDd]([0-9]+)\.[0-9]+")
+_FORMAT: Final = re.compile(rb"(?<![0-9])([0-9]{1,3})[EeDd]([0-9]{1,2})\.[0-9]")
 _MOST_ROWS: Final = 2**31 - 1
 _REAL: Final = (1, 2)
 """Types of real matrices, single and double precision; 3 and 4 are complex."""
@@ -27,17 +29,18 @@ _WIDTHS: Final = (8, 16)
 """Characters of a whole number: of usual files, and of those of large models."""
 
 
-def output4(data: bytes) -> Content:
+def output4(data: bytes, bounds: Bounds = LOCAL) -> Content:
     """Read OUTPUT4, formatted or binary."""
     if b"\0" in data[:64]:
         return Content(output4_binary.matrices(data), [])
-    reader = _Reader(file_bytes.lines(data))
+    reader = _Reader(file_bytes.lines(data, bounds))
     content: dict[str, Any] = {}
     while not reader.at_end():
         line = reader.at + 1
         name, matrix = reader.matrix()
         if name in content:
             raise TextError(line, f"there are two matrices {name}")
+        check_count(len(content) + 1)
         content[name] = matrix
     return Content(content, [])
 
@@ -60,11 +63,14 @@ class _Head:
 class _Strings:
     """The strings of a matrix: where their numbers stand."""
 
-    start: list[tuple[int, int]] = field(default_factory=list)
-    """Row and column of the first entry, from 0."""
-    words: list[int] = field(default_factory=list)
-    lines: list[tuple[int, int]] = field(default_factory=list)
-    """First line of the numbers, from 0, and the line behind them."""
+    row: array[int] = field(default_factory=lambda: array("q"))
+    """Row of the first entry, from 0."""
+    column: array[int] = field(default_factory=lambda: array("q"))
+    words: array[int] = field(default_factory=lambda: array("q"))
+    first: array[int] = field(default_factory=lambda: array("q"))
+    """First line of the numbers, from 0."""
+    stop: array[int] = field(default_factory=lambda: array("q"))
+    """The line behind them."""
 
 
 class _Reader:
@@ -115,7 +121,7 @@ class _Reader:
             except TextError:
                 continue
             if 0 <= columns <= _MOST_ROWS and abs(rows) <= _MOST_ROWS and 1 <= kind <= 4:
-                width = int(form[2])
+                width = int(form[2]) or 1
                 return _Head(name, abs(rows), columns, kind, width, whole_width)
         raise TextError(
             self.at, "it is no head of a matrix: columns, rows, form, type, name, format"
@@ -135,9 +141,11 @@ class _Reader:
         first = self.at
         while self.at < len(self._lines) and b"." in self._lines[self.at]:
             self.at += 1
-        strings.start.append(start)
+        strings.row.append(start[0])
+        strings.column.append(start[1])
         strings.words.append(words)
-        strings.lines.append((first, self.at))
+        strings.first.append(first)
+        strings.stop.append(self.at)
 
     def _column(self, head: _Head, strings: _Strings, column: int, words: int) -> None:
         """Take the strings of a column."""
@@ -177,25 +185,24 @@ class _Reader:
         shape = (head.rows, head.columns)
         if not strings.words:
             return sparse.coo_array(shape)
-        at = np.concatenate([np.arange(*span) for span in strings.lines])
+        first = np.array(strings.first)
+        taken = np.array(strings.stop) - first
+        at = np.repeat(first - np.cumsum(taken) + taken, taken) + np.arange(taken.sum())
         rows = [self._lines[line].rstrip() for line in at.tolist()]
         values = fixed_fields.numbers(rows, head.width, (at + 1).tolist())
         fields = -(-np.fromiter(map(len, rows), np.int64, len(rows)) // head.width)
-        spans = np.array(strings.lines)
         ends = np.concatenate([[0], np.cumsum(fields)])
-        lines = np.cumsum(spans[:, 1] - spans[:, 0])
-        counts = np.diff(ends[np.concatenate([[0], lines])])
+        counts = np.diff(ends[np.concatenate([[0], np.cumsum(taken)])])
         self._check(head, strings, counts, values.size)
-        start = np.array(strings.start)
         within = np.arange(values.size) - np.repeat(np.cumsum(counts) - counts, counts)
-        row, column = np.repeat(start[:, 0], counts) + within, np.repeat(start[:, 1], counts)
+        row = np.repeat(np.array(strings.row), counts) + within
+        column = np.repeat(np.array(strings.column), counts)
         filled = values != 0.0
         return sparse.coo_array((values[filled], (row[filled], column[filled])), shape=shape)
 
     def _check(self, head: _Head, strings: _Strings, counts: Any, total: int) -> None:
         """Check that strings have as many numbers as they say, and lie within the matrix."""
-        words, start = np.array(strings.words), np.array(strings.start)[:, 0]
-        last = np.array(strings.lines)[:, 1]
+        words, start, last = (np.array(x) for x in (strings.words, strings.row, strings.stop))
         # Either numbers are counted, or words, of which double precision has two.
         alike = [(words == counts * ratio).all() for ratio in (1, 2)]
         if not any(alike) or total != counts.sum():

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sparse
 
-from vibroimpact.models.labels import Content, label
 from vibroimpact_schema import matrix_market, number_tables
+from vibroimpact_schema.files.bounds import LOCAL, Bounds
+from vibroimpact_schema.files.labels import STACKS, Content, label
 from vibroimpact_schema.number_tables import NumberTable, TextError
 
 _INSTANCE: Final = re.compile(rb"(?<![\w.\-])[\"']?([A-Za-z][\w\-]*)[\"']?\.(?=[0-9])")
@@ -18,11 +20,11 @@ _OF_ENTRIES: Final = (b"row", b"i", b"node", b"node1")
 """First titles of lists of entries."""
 
 
-def market_or_list(data: bytes) -> Content:
+def market_or_list(data: bytes, bounds: Bounds = LOCAL) -> Content:
     """Read ``.mtx``: Matrix Market, or Abaqus ``*MATRIX GENERATE`` in any of its formats."""
     text = number_tables.plain(data)
     if matrix_market.has_header(text):
-        return _market(text)
+        return market(text, bounds)
     text = _without_part(number_tables.without_comments(text, b"*%#"))
     return entries(number_tables.read(text, comma=b","))
 
@@ -48,19 +50,19 @@ def entries(table: NumberTable) -> Content:
     return Content({"": matrix}, [label(int(node), int(dof)) for node, dof in ends[first]])
 
 
-def triangle(data: bytes) -> Content:
+def triangle(data: bytes, bounds: Bounds = LOCAL) -> Content:
     """Read ``.sti`` and ``.mas`` of CalculiX: ``row column value`` of the upper triangle."""
     return entries(number_tables.read(number_tables.plain(data)))
 
 
-def rows(data: bytes) -> Content:
+def rows(data: bytes, bounds: Bounds = LOCAL) -> Content:
     """Read ``.csv`` and ``.txt``: all rows, or entries, apart by blanks, commas or semicolons.
 
     A line of titles may come before, and a column of numbers of rows, as pandas writes both.
     """
     text = number_tables.plain(data)
     if matrix_market.has_header(text):
-        return _market(text)
+        return market(text, bounds)
     table, titles = _table(text)
     count, width = table.values.shape
     listed = bool(titles) and titles[0].lower() in _OF_ENTRIES
@@ -123,12 +125,18 @@ def _without_part(text: bytes) -> bytes:
     return _INSTANCE.sub(b"", text) if parts else text
 
 
-def _market(text: bytes) -> Content:
-    matrices = list(matrix_market.read(text))
-    if len(matrices) != 1:
-        raise TextError(1, f"{len(matrices)} matrices in one text; expected one")
-    matrix = matrices[0]
-    return Content({"": matrix if isinstance(matrix, np.ndarray) else _sparse(matrix)}, [])
+def market(text: bytes, bounds: Bounds = LOCAL) -> Content:
+    """Read a text of Matrix Market: a matrix, or M and K, or M, K and C, behind another."""
+
+    def check_shape(rows: int, columns: int) -> None:
+        bounds.check_rows(max(rows, columns))
+
+    most = max(STACKS)
+    matrices = list(itertools.islice(matrix_market.read(text, check_shape), most + 1))
+    if len(matrices) > most:
+        raise TextError(1, f"more than {most} matrices in one text: M K, or M K C are expected")
+    given = [each if isinstance(each, np.ndarray) else _sparse(each) for each in matrices]
+    return Content(dict(zip(STACKS[len(given)], given, strict=True)), [])
 
 
 def _sparse(given: matrix_market.Entries) -> Any:

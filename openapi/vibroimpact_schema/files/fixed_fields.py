@@ -13,9 +13,14 @@ from vibroimpact_schema.number_tables import Floats, TextError, shown
 
 _LETTERLESS: Final = re.compile(rb"([0-9.])([+-][0-9]+)(?=\s)")
 """An exponent without its letter, as in 1.5-300."""
-_ROWS: Final = 1 << 17
+_ROWS: Final = 1 << 15
 """Lines that are taken apart at once, for the sake of memory."""
-_FORMAT: Final = re.compile(r"([0-9]*)[A-Z]+([0-9]+)(?:\.[0-9]+)?(?:[EeDd][0-9]+)?")
+_LONGEST: Final = 1000
+"""Characters of a line, to which all lines are filled up; programs write 80 to 132."""
+_FORMAT: Final = re.compile(r"(?<![0-9])([0-9]{0,4})[A-Z]{1,2}([0-9]{1,4})(?![0-9])")
+_SCALE: Final = re.compile(r"(?<![0-9])[0-9]{1,4}[Pp]")
+_WIDEST: Final = 100
+"""Characters of a number."""
 _WHOLE: Final = re.compile(rb"[+-]?[0-9]{1,15}")
 _BLANK: Final = ord(" ")
 
@@ -35,9 +40,12 @@ def numbers(rows: Sequence[bytes], width: int, lines: Sequence[int]) -> Floats:
     Raises
     ------
     TextError
-        With the first line that has a field that is no number.
+        With the first line that has a field that is no number, or is too long for fields.
     """
     parts = [np.zeros(0)]
+    for row, line in zip(rows, lines, strict=False):
+        if len(row) > _LONGEST:
+            raise TextError(line, f"{len(row)} characters; fields end after {_LONGEST} at most")
     for start in range(0, len(rows), _ROWS):
         fields = table(rows[start : start + _ROWS], width)
         parts.append(parsed(fields, lines[start : start + _ROWS]))
@@ -90,7 +98,8 @@ def whole_numbers(line: bytes, width: int, count: int, number: int) -> list[int]
 
 def layout(form: str) -> tuple[int, int] | None:
     """Return the numbers in a line and their width by a format of Fortran: ``(1P,3E23.16)``."""
-    match = _FORMAT.search(re.sub(r"[0-9]+[Pp]", "", form.upper()))
-    if match is None or int(match[2]) < 1:
+    match = _FORMAT.search(_SCALE.sub("", form[:_LONGEST].upper()))
+    if match is None:
         return None
-    return int(match[1] or 1), int(match[2])
+    per_line, width = int(match[1] or 1), int(match[2])
+    return (per_line, width) if per_line >= 1 and 1 <= width <= _WIDEST else None

@@ -6,13 +6,15 @@ eight in files of programs compiled with whole numbers of that size; either byte
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from array import array
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sparse
 
-from vibroimpact.models.labels import ComplexMatrix
+from vibroimpact_schema.files.bounds import check_count
+from vibroimpact_schema.files.labels import ComplexMatrix
 
 _HEADS: Final = {24: 4, 48: 8}
 """Bytes of the head of a matrix -> bytes of a word."""
@@ -39,6 +41,7 @@ def matrices(data: bytes) -> dict[str, Any]:
         name, matrix = _matrix(file)
         if name in content:
             raise _wrong(began, f"there are two matrices {name}")
+        check_count(len(content) + 1)
         content[name] = matrix
     return content
 
@@ -77,12 +80,13 @@ class _Records:
 
 
 @dataclass
-class _Column:
-    """A column: where its strings begin, in bytes and in rows from 0, and their numbers."""
+class _Strings:
+    """The strings of a matrix: where they begin, rows and columns from 0, and their numbers."""
 
-    byte: list[int]
-    row: list[int]
-    count: list[int]
+    byte: array[int] = field(default_factory=lambda: array("q"))
+    row: array[int] = field(default_factory=lambda: array("q"))
+    column: array[int] = field(default_factory=lambda: array("q"))
+    count: array[int] = field(default_factory=lambda: array("q"))
 
 
 def _matrix(file: _Records) -> tuple[str, Any]:
@@ -96,8 +100,7 @@ def _matrix(file: _Records) -> tuple[str, Any]:
     if not (0 <= columns <= _MOST_ROWS and rows <= _MOST_ROWS and 1 <= kind <= 4 and name):
         raise _wrong(start, "it is no head of a matrix: columns, rows, form, type, name")
     number = _KINDS[word].get(kind)
-    place = _Column([], [], [])
-    column_of, last = list[int](), 0
+    place, last = _Strings(), 0
     while True:
         start, end = file.next()
         if end - start < 3 * word:
@@ -110,7 +113,6 @@ def _matrix(file: _Records) -> tuple[str, Any]:
         last = column
         if number is None:
             continue
-        before = len(place.row)
         body = start + 3 * word
         if words < 0 or body + words * word > end:
             raise _wrong(start, f"a column of {words} words in a record of {end - start} bytes")
@@ -118,13 +120,13 @@ def _matrix(file: _Records) -> tuple[str, Any]:
             _add(place, (body, row - 1, words), number[1], rows)
         else:
             _add_strings(place, file, (body, words, word), (number[1], big, rows))
-        column_of += [column - 1] * (len(place.row) - before)
+        place.column.extend([column - 1] * (len(place.row) - len(place.column)))
     if number is None:
         return name, ComplexMatrix(name, 0)
-    return name, _assembled(file, place, column_of, (rows, columns), number[0])
+    return name, _assembled(file, place, (rows, columns), number[0])
 
 
-def _add(place: _Column, string: tuple[int, int, int], words_each: int, rows: int) -> None:
+def _add(place: _Strings, string: tuple[int, int, int], words_each: int, rows: int) -> None:
     """Add a string: its first byte, its first row and its words."""
     byte, row, words = string
     count, rest = divmod(words, words_each)
@@ -136,7 +138,7 @@ def _add(place: _Column, string: tuple[int, int, int], words_each: int, rows: in
 
 
 def _add_strings(
-    place: _Column, file: _Records, column: tuple[int, int, int], form: tuple[int, bool, int]
+    place: _Strings, file: _Records, column: tuple[int, int, int], form: tuple[int, bool, int]
 ) -> None:
     """Add the strings of a column: its first byte, its words, and the bytes of one."""
     start, words, word = column
@@ -155,9 +157,7 @@ def _add_strings(
         at += length
 
 
-def _assembled(
-    file: _Records, place: _Column, column_of: list[int], shape: tuple[int, int], kind: str
-) -> Any:
+def _assembled(file: _Records, place: _Strings, shape: tuple[int, int], kind: str) -> Any:
     counts = np.array(place.count, dtype=np.int64)
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     # Numbers begin at any multiple of four bytes: so do records.
@@ -167,6 +167,6 @@ def _assembled(
     taken = np.stack([units[first + part] for part in range(size // 4)], axis=-1)
     values = taken.view(f"{file.order}{kind}").ravel().astype(np.float64)
     row = np.repeat(np.array(place.row, dtype=np.int64), counts) + within
-    column = np.repeat(np.array(column_of, dtype=np.int64), counts)
+    column = np.repeat(np.array(place.column, dtype=np.int64), counts)
     filled = values != 0.0
     return sparse.coo_array((values[filled], (row[filled], column[filled])), shape=shape)

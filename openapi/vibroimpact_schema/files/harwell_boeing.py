@@ -13,14 +13,15 @@ from typing import Any, Final
 import numpy as np
 import scipy.sparse as sparse
 
-from vibroimpact.models import file_bytes, fixed_fields
-from vibroimpact.models.labels import ComplexMatrix, Content
+from vibroimpact_schema.files import file_bytes, fixed_fields
+from vibroimpact_schema.files.bounds import LOCAL, Bounds
+from vibroimpact_schema.files.labels import ComplexMatrix, Content
 from vibroimpact_schema.number_tables import TextError, shown
 
 _MOST_ROWS: Final = 2**31 - 1
 
 
-def matrix(data: bytes) -> Content:
+def matrix(data: bytes, bounds: Bounds = LOCAL) -> Content:
     """Read the matrix of a file; a symmetric one has one triangle.
 
     Raises
@@ -28,7 +29,7 @@ def matrix(data: bytes) -> Content:
     TextError
         If it has no values, is not assembled, or ends too early.
     """
-    lines = file_bytes.lines(data)
+    lines = file_bytes.lines(data, bounds)
     if len(lines) < 4:
         raise TextError(len(lines), "the file ends within the head of a matrix")
     counts = _whole(lines[1], 2)
