@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
-from vibroimpact.arguments import names
+from vibroimpact.arguments import hyphenated, names
 from vibroimpact.computations.driven import Curves, DrivenComputations, Motions, Settled
 from vibroimpact.computations.histories import History, HistoryComputations, Many, Slow
 from vibroimpact.computations.modes import Bands, ModeComputations, Modes, Natural, Resonant
@@ -193,7 +193,7 @@ class Computations(
             Show a progress bar while a job runs.
         """
         request: Document = {
-            "kind": kind,
+            "kind": hyphenated(kind),
             "base": dict(base),
             "axes": [axis(path, values) for path, values in axes.items()],
         }

@@ -131,6 +131,12 @@ export class DrivenView extends BaseView {
     ];
   }
 
+  detail() {
+    const { load, periods } = fields();
+    const forces = load.map((/** @type {import("./loads.js").Load} */ { dof, amplitude: size, harmonic = 1 }) => `force ${shown(size, 4)} on coordinate ${dof}${harmonic === 1 ? "" : `, ${harmonic} times Ω`}`);
+    return [...forces, ...(periods > 1 ? [`${periods} periods of the drive`] : [])].join(", ");
+  }
+
   /** @param {string} value */
   #sequenceField(value) {
     const input = make("input", { id: "sequence-list", value, "data-pointer": "/sequence" });

@@ -5,8 +5,9 @@ import { compute } from "./api.js";
 import { BaseView } from "./base_view.js";
 import { Clicks } from "./clicks.js";
 import { Curve } from "./curve.js";
-import { button, make } from "./dom.js";
+import { button, download, make } from "./dom.js";
 import { choiceField, numberField, switchField } from "./fields.js";
+import { numbersOf } from "./figure.js";
 import { help } from "./help.js";
 import { atTimes, loadFields } from "./loads.js";
 import { spread } from "./motion_card.js";
@@ -60,7 +61,8 @@ export class HistoryView extends BaseView {
     this.time = make("output", { class: "time" }, "t = 0");
     this.sound = switchField("sound of impacts", false, (on) => this.clicks.enable(on), { name: "sound" });
     this.shapes = make("div", { class: "shapes" });
-    this.figure.before(this.shapes, make("div", { class: "controls" }, this.play, this.scrub, this.speed, this.time, this.sound));
+    // Kept curves stand beside the figure.
+    this.kept.before(this.shapes, make("div", { class: "controls" }, this.play, this.scrub, this.speed, this.time, this.sound));
     this.legend = make("ul", { class: "legend" });
     this.force = make("div", { class: "forces" });
     /** Forces of the stops that have a stiffness. @type {Curve | null} */ this.forces = null;
@@ -207,6 +209,16 @@ export class HistoryView extends BaseView {
     this.readout.textContent = `${met}${felt}. ${trust}`;
   }
 
+  detail() {
+    const now = fields();
+    if (now.start === "mode") return `from the impact mode at Ω = ${shown(now.mode, 6)}`;
+    return now.start === "coordinate" ? `from coordinate ${now.dof} with displacement ${shown(now.x, 4)}, velocity ${shown(now.v, 4)}` : "from the state seen before";
+  }
+
+  others() {
+    return [this.forces];
+  }
+
   /** The forces of stops with a stiffness, below the displacement. */
   #drawForce() {
     if (this.forces) this.forces.destroy();
@@ -229,6 +241,7 @@ export class HistoryView extends BaseView {
     this.forces.range = wholeRange([0, peak]);
     this.forces.onPick = (at) => this.#seek(at / t[t.length - 1]);
     this.forces.show([t, ...columns]);
+    this.force.append(button("Save the forces as CSV", () => this.forces && download("forces.csv", new Blob([numbersOf(this.forces)], { type: "text/csv" })), { class: "quiet" }));
   }
 
   #show() {

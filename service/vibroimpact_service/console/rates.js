@@ -57,11 +57,11 @@ export function ratesPart(asked) {
 /** @param {any} result @param {{parameters: Parameter[], names: string[]}} mode @returns {HTMLElement[]} */
 function tableOf({ momentum, energy, derivative, error }, { parameters, names }) {
   const quantities = [
-    ...names.map((name, c) => ({ label: labelled(`momentum at ${name}`, "momentum"), value: momentum[0][c], rates: derivative.momentum[0][c], errors: error.derivative.momentum[0][c] })),
+    ...names.map((name, c) => ({ label: labelled(names.length > 1 ? `momentum at ${name}` : "momentum", "momentum"), value: momentum[0][c], rates: derivative.momentum[0][c], errors: error.derivative.momentum[0][c] })),
     { label: labelled("energy", "energy"), value: energy[0], rates: derivative.energy[0], errors: error.derivative.energy[0] }];
-  const head = make("tr", {}, ...["1 % more of", "changes", "by", "per unit", "error"].map((text) => make("th", { scope: "col" }, text)));
+  const head = make("tr", {}, ...["1 % more of", "changes", "by", "derivative and its error"].map((text) => make("th", { scope: "col" }, text)));
   const rows = parameters.flatMap(({ label, value }, i) => quantities.map(({ label: what, value: of, rates, errors }, k) => make("tr", {},
-    ...(k ? [] : [make("th", { scope: "row", rowspan: quantities.length }, label)]), make("td", {}, what), make("td", {}, percent(rates[i], value, of)), make("td", {}, shown(rates[i], 5)), make("td", {}, errors ? shown(errors[i], 2) : "–"))));
+    ...(k ? [] : [make("th", { scope: "row", rowspan: quantities.length }, label)]), make("td", {}, what), make("td", {}, percent(rates[i], value, of)), make("td", {}, `${shown(rates[i], 5)}${errors ? ` ± ${shown(errors[i], 2)}` : ""} per unit`))));
   const [reason] = derivative.reason;
   return [
     make("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Derivatives of the mode at the cursor" }, make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows))),
