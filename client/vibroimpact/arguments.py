@@ -119,7 +119,7 @@ def documents(name: str, given: Any) -> list[dict[str, Any]]:
 
 
 def hyphenated(kind: str) -> str:
-    """Return a kind of computation as requests spell it, also where it is given as a method's name."""
+    """Return a kind of computation as requests spell it, also given as methods are called."""
     return kind.replace("_", "-")
 
 
