@@ -120,6 +120,11 @@ def documents(name: str, given: Any) -> list[dict[str, Any]]:
         raise TypeError(f"{name} must be documents, not {_shown(given)}") from None
 
 
+def hyphenated(kind: str) -> str:
+    """Return a kind of computation as requests spell it, also given as methods are called."""
+    return kind.replace("_", "-")
+
+
 def names(outputs: Sequence[str]) -> list[str]:
     """Return the names of outputs, also of a single one."""
     return [outputs] if isinstance(outputs, str) else list(outputs)

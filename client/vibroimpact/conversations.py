@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, NotRequired, TypedDict, TypeVar
 # httpx2 is the maintained successor of httpx, with the same interface.
 import httpx2
 
-from vibroimpact.arguments import Document
+from vibroimpact.arguments import Document, hyphenated
 from vibroimpact.cache import Cache
 from vibroimpact.errors import (
     ConnectionFailed,
@@ -177,7 +177,7 @@ def ask(
 
     With a cache, a result that is in it is not sent again, and serves where no service answers.
     """
-    content = plain(content)
+    kind, content = hyphenated(kind), plain(content)
     known = None if cache is None else cache.known(kind, content)
     kept = None if cache is None or known is None else cache.result(known.digest)
     headers = dict(_ARRAYS if cache is None else _HDF5)
@@ -214,7 +214,7 @@ def _content(answer: httpx2.Response) -> bytes | Parts:
 
 def plan(kind: str, content: Mapping[str, Any]) -> Conversation[documents.Plan]:
     """Return the plan of a request."""
-    return read("POST", f"/v1/plan/{kind}", json=plain(content))
+    return read("POST", f"/v1/plan/{hyphenated(kind)}", json=plain(content))
 
 
 def result(
@@ -247,7 +247,7 @@ def batch(
     kind: str, contents: Sequence[Mapping[str, Any]]
 ) -> Conversation[list[Mapping[str, Any] | ServerError]]:
     """Return the result document of each request, or its error."""
-    body = {"kind": kind, "requests": [plain(content) for content in contents]}
+    body = {"kind": hyphenated(kind), "requests": [plain(content) for content in contents]}
     answer = yield from request("POST", "/v1/batch", json=body)
     answers = [
         one["result"] if one.get("problem") is None else from_problem(one["problem"])
@@ -290,7 +290,7 @@ class Terms:
 
 def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[documents.Job]:
     """Queue a computation and return its job."""
-    body = {"kind": kind, "request": plain(content), **terms.document()}
+    body = {"kind": hyphenated(kind), "request": plain(content), **terms.document()}
     # The same key in all attempts, so that there is one job. Requests that are answered at once
     # have none: repeated, they get the same result, and to record a key takes longer than that.
     return read("POST", "/v1/jobs", json=body, headers={"Idempotency-Key": uuid.uuid4().hex})

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
 from vibroimpact import kinds
-from vibroimpact.arguments import number
+from vibroimpact.arguments import hyphenated, number
 from vibroimpact.computations import Computations
 from vibroimpact.errors import MissingExtra, from_problem
 from vibroimpact.parts import Parts
@@ -66,15 +66,15 @@ class Local(
 
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
         if not progress:
-            return _result(self._answer("compute", kind, request, None, self._seconds))
+            return _result(self._answer("compute", hyphenated(kind), request, None, self._seconds))
         from vibroimpact.progress import counter
 
         with counter(kind) as tick:
-            return _result(self._answer("compute", kind, request, tick, self._seconds))
+            return _result(self._answer("compute", hyphenated(kind), request, tick, self._seconds))
 
     def plan(self, kind: documents.Kind, request: documents.Request) -> Plan:
         """Return the steps of a computation and those it skips, with reasons; compute nothing."""
-        return Plan(self._answer("plan", kind, request))
+        return Plan(self._answer("plan", hyphenated(kind), request))
 
     def close(self) -> None:
         """Do nothing: there is nothing to close."""

@@ -16,7 +16,7 @@ import numpy as np
 from vibroimpact.result_file import ResultFile
 from vibroimpact.tables import Array
 
-_MODULES: Final = ("numbers.js", "player.js", "envelope.js", "shape.js", "notebook.js")
+_MODULES: Final = ("numbers.js", "player.js", "envelope.js", "walls.js", "shape.js", "notebook.js")
 _MOST_MOTIONS: Final = 50
 _MOST_COORDINATES: Final = 400
 

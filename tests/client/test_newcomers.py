@@ -100,3 +100,15 @@ def test_the_command_line_takes_files_with_matrices(tmp_path: Path) -> None:
     assert isinstance(wrong.exception, ValueError)
     assert "K.csv is no request in JSON" in str(wrong.exception)
     assert "files with matrices are given by --model" in str(wrong.exception)
+
+
+@pytest.mark.parametrize("kind", ["impact_modes", "impact-modes"])
+def test_kinds_may_be_spelt_as_methods_are(kind: Any) -> None:
+    structure = vi.chain(3, [vi.constraint(dof=1, gap=0.2)])
+    request = vi.impact_modes_request(structure, [2.1])
+    with vi.Client() as client:
+        assert client.plan(kind, request).steps
+        assert client.submit(kind, request).wait().result().kind == "impact-modes"
+        swept = client.sweep(kind, request, {"system.constraints.0.gap": [0.1, 0.2]})
+    assert swept.impulse.shape == (2, 1, 1)
+    assert vi.Local().plan(kind, request).steps

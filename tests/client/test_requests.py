@@ -219,3 +219,10 @@ def test_a_motion_starts_at_rest_where_nothing_is_said() -> None:
     TimeHistoryRequest.model_validate(request)
     with pytest.raises(TypeError, match="t_end is missing"):
         vi.time_history_request(CHAIN)
+
+
+def test_impacts_may_be_given_as_requests_have_them() -> None:
+    documents = [{"constraint": 0, "side": "upper"}, {"constraint": 0, "side": "lower"}]
+    for sequence in (documents, [(0, "upper"), (0, "lower")]):
+        request = vi.periodic_motions_request(CHAIN, [1.0], [vi.drive(0, 1.0)], sequence=sequence)
+        assert request["sequence"] == documents

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
+from vibroimpact.arguments import hyphenated
 from vibroimpact.client import Client
 from vibroimpact.config import connection
 from vibroimpact.errors import NeglectedWarning, StructureWarning
@@ -26,7 +27,7 @@ else:  # any word: a service can be newer than this program
         typer.Argument(
             help=f"Kind of computation: {', '.join(KINDS)}.",
             autocompletion=lambda: list(KINDS),
-            callback=lambda kind: kind.replace("_", "-"),  # as methods of the client are called
+            callback=hyphenated,  # they may be spelt as methods of the client are
         ),
     ]
 RequestFile = Annotated[

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
 from vibroimpact import measurements
-from vibroimpact.arguments import names
+from vibroimpact.arguments import hyphenated, names
 from vibroimpact.computations.driven import Curves, DrivenComputations, Motions, Settled
 from vibroimpact.computations.fields import integer, present
 from vibroimpact.computations.histories import History, HistoryComputations, Many, Slow
@@ -275,7 +275,7 @@ class Computations(
             Show a progress bar while a job runs.
         """
         request: Document = {
-            "kind": kind,
+            "kind": hyphenated(kind),
             "base": dict(base),
             "axes": [axis(path, values) for path, values in axes.items()],
         }

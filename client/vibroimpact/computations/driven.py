@@ -41,7 +41,7 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         load: Sequence[documents.DriveTerm] = (),
         *,
         unit: str = "Omega",
-        sequence: str | Sequence[tuple[int, str]] | None = None,
+        sequence: str | Sequence[tuple[int, str] | Mapping[str, Any]] | None = None,
         constraint: int = 0,
         periods: int = 1,
         phases: ArrayLike | None = None,
@@ -61,8 +61,9 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         load : sequence of dict
             Terms of the drive, from `drive`; empty: free motions of a structure without losses.
         sequence : "symmetric" or sequence of (int, str), optional
-            Impacts of one period as (constraint, "upper" or "lower"), or one at each wall of a
-            constraint half a period apart; default: one at the upper wall of constraint 0.
+            Impacts of one period as (constraint, "upper" or "lower"), or as requests have them; or
+            one at each wall of a constraint half a period apart; default: one at the upper wall
+            of constraint 0.
         constraint : int
             The one that a symmetric motion strikes.
         periods : int
@@ -88,10 +89,7 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         options = present(
             sequence=sequence
             if sequence is None or isinstance(sequence, str)
-            else [
-                {"constraint": arguments.integer("constraint", index), "side": side}
-                for index, side in sequence
-            ],
+            else [_impact(each) for each in sequence],
             constraint=arguments.integer("constraint", constraint) or None,
             periods=None if periods == 1 else arguments.integer("periods", periods),
             start=None if phases is None else {"phases": arguments.rows("phases", phases)},
@@ -224,3 +222,11 @@ class DrivenComputations(AnyComputation, Generic[Motions, Curves, Settled]):
         )
         answer: Settled = self._compute("attractors", request | options, progress=progress)
         return answer
+
+
+def _impact(given: tuple[int, str] | Mapping[str, Any]) -> dict[str, Any]:
+    """Return the document of an impact: of a constraint and a side, or as requests have it."""
+    if isinstance(given, Mapping):
+        return dict(given)
+    index, side = given
+    return {"constraint": arguments.integer("constraint", index), "side": side}

@@ -57,7 +57,7 @@ export class BaseView {
     this.figure = make("div", { class: "figure" });
     this.kept = make("div", { class: "beside" });
     this.tools = plotTools({
-      name, curve: () => this.plotted(), caption: () => `${title}: ${inWords(state.structure)}`, keep: () => this.#keep(), report: () => this.#report(),
+      name, curve: () => this.plotted(), caption: () => `${title}: ${this.#caption()}`, keep: () => this.#keep(), report: () => this.#report(),
       ...(ranged ? { compute: (from, to) => { this.change({ from, to }); this.toolbar(); } } : {}),
     });
     this.readout = make("p", { class: "readout" });
@@ -134,8 +134,23 @@ export class BaseView {
     this.tools.update();
   }
 
+  /** @returns {string} what it is computed for beside the structure, in words; may be empty */
+  detail() {
+    return "";
+  }
+
+  /** @returns {(import("./curve.js").Curve | null)[]} curves beside the main one */
+  others() {
+    return [];
+  }
+
+  /** @returns {string} what is shown */
+  #caption() {
+    return [inWords(state.structure), this.detail()].filter(Boolean).join("; ");
+  }
+
   async #keep() {
-    const caption = inWords(state.structure);
+    const caption = this.#caption();
     const [said] = (this.readout.textContent || "").split(". ");
     // It is drawn in the size in which it will stand there.
     this.section.classList.add("compared");
@@ -153,10 +168,10 @@ export class BaseView {
   #report() {
     const curve = this.plotted();
     if (!this.result) throw new Error("There is no result to report yet.");
-    const caption = inWords(state.structure);
+    const caption = this.#caption();
     report({
       title: this.title, view: this.root, result: this.result, requests: this.requests(),
-      figures: [...keptOf(this.name).map((each) => make("figure", {}, copyOf(each.picture), make("figcaption", {}, `Kept: ${each.caption}. ${each.said}`))), ...(curve && curve.plot ? [standing(curve, caption)] : [])],
+      figures: [...keptOf(this.name).map((each) => make("figure", {}, copyOf(each.picture), make("figcaption", {}, `Kept: ${each.caption}. ${each.said}`))), ...(curve && curve.plot ? [standing(curve, caption)] : []), ...this.others().flatMap((each) => (each && each.plot ? [standing(each, "")] : []))],
     });
   }
 

@@ -5,7 +5,7 @@ import { choiceField, numberField } from "./fields.js";
 import { Heatmap } from "./heatmap.js";
 import { help } from "./help.js";
 import { atTimes, loadFields } from "./loads.js";
-import { time, velocity } from "./natural.js";
+import { isWide, time, velocity } from "./natural.js";
 import { linspace, nearest, shown } from "./numbers.js";
 import { setFields, show, state } from "./state.js";
 import { size, systemDocument } from "./structures.js";
@@ -23,7 +23,7 @@ const QUANTITIES = {
 function fields() {
   const first = state.structure.stops[0];
   const gap = first ? Math.abs(first.upper || first.lower || 1) : 1;
-  return { dof: first ? first.dof : 0, x: gap, v: velocity(2), cells: 61, t_end: time(9.5), quantity: "impacts", load: [], ...state.fields };
+  return { dof: first ? first.dof : 0, x: gap, v: velocity(2), cells: isWide() ? 21 : 61, t_end: time(9.5), quantity: "impacts", load: [], ...state.fields };
 }
 
 /** @param {number} n @param {number} dof @param {number} value @returns {number[]} that value of one coordinate, the others at rest */

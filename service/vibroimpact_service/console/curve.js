@@ -210,7 +210,7 @@ export class Curve {
       });
     }
     return {
-      width, height: options.height || 300, padding: [14, 14, 0, 0], legend: { show: false },
+      width, height: options.height || 300, padding: [14, upright && options.log ? 26 : 14, 0, 0], legend: { show: false },
       cursor: { drag: { x: false, y: false }, y: false, x: !upright, points: { show: !upright, size: 7 }, focus: { prox: 20 } },
       scales: {
         x: { time: false, ori: upright ? 1 : 0, range: () => this.part("x") },

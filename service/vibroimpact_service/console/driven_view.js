@@ -54,7 +54,8 @@ function fields() {
   const entered = structure.form !== "stored" && structure.form !== "matrices";
   const symmetric = first && first.lower === first.upper && !structure.loads.length;
   return {
-    from, to, points: 600, load: [{ dof: structure.form === "beam" ? n - 2 : entered ? 0 : dof, amplitude: amplitude() }], sequence: symmetric ? "symmetric" : "upper",
+    // Contacts that last are searched for at each frequency.
+    from, to, points: yields(structure) ? 120 : 600, load: [{ dof: structure.form === "beam" ? n - 2 : entered ? 0 : dof, amplitude: amplitude() }], sequence: symmetric ? "symmetric" : "upper",
     stop: 0, periods: 1, switch: 1, coordinate: dof, Omega: null, ...state.fields,
   };
 }
@@ -128,6 +129,12 @@ export class DrivenView extends BaseView {
       numberField("branches that begin on others", now.switch, this.set("switch"), { pointer: "/switch", min: 0, max: 100, whole: true, name: "switch" }),
       loadFields(now.load, "harmonic", this),
     ];
+  }
+
+  detail() {
+    const { load, periods } = fields();
+    const forces = load.map((/** @type {import("./loads.js").Load} */ { dof, amplitude: size, harmonic = 1 }) => `force ${shown(size, 4)} on coordinate ${dof}${harmonic === 1 ? "" : `, ${harmonic} times Ω`}`);
+    return [...forces, ...(periods > 1 ? [`${periods} periods of the drive`] : [])].join(", ");
   }
 
   /** @param {string} value */
@@ -329,7 +336,7 @@ export class DrivenView extends BaseView {
     this.motion = { x, v: x.map((_, i) => (all[TAU.length][i] - all[TAU.length + 1][i]) / (2 * STEP * T)), Omega: solution.Omega[best], T };
     const impact = yields(state.structure) ? answer.contact : answer.impact;
     const struck = impact.solution.map((/** @type {number} */ _, /** @type {number} */ i) => i).filter((/** @type {number} */ i) => impact.solution[i] === best)
-      .map((/** @type {number} */ i) => ({ phase: impact.phase[i], stop: impact.constraint[i], side: impact.side[i], momentum: impact.momentum ? impact.momentum[i] : impact.impulse[i], duration: impact.duration ? impact.duration[i] : 0, force: impact.peak_force ? impact.peak_force[i] : null }));
+      .map((/** @type {number} */ i) => ({ phase: impact.phase[i], stop: impact.constraint[i], side: impact.side[i], momentum: impact.momentum ? impact.momentum[i] : impact.impulse[i], duration: impact.duration ? impact.duration[i] : 0, force: impact.peak_force ? impact.peak_force[i] : null, depth: impact.indentation ? impact.indentation[i] : null }));
     const places = placesOf(struck, periods, ({ stop, side }, place) => {
       const { dof, relativeTo, lower, upper } = state.structure.stops[stop];
       const row = rows[Math.round(place * (TAU.length - 1))];
@@ -341,7 +348,8 @@ export class DrivenView extends BaseView {
     this.card.show({
       name: (dof) => coordinateName(state.structure, dof), axis: axisOf,
       geometry, stops: state.structure.stops, rows, row: (s) => s * (TAU.length - 1), coordinate,
-      marks: (s) => impacts.filter((/** @type {any} */ impact) => Math.min(Math.abs(s - impact.place), 1 - Math.abs(s - impact.place)) < 0.025),
+      // A contact is seen while it lasts.
+      marks: (s) => impacts.filter((/** @type {any} */ { place, duration }) => ((s - place + 1) % 1) * T < duration || Math.min(Math.abs(s - place), 1 - Math.abs(s - place)) < (duration ? 0 : 0.025)),
       points: failed === null || coordinate >= geometry.n ? [] : [{ x: failed, y: rows[Math.round(failed * (TAU.length - 1))][coordinate], colour: "alarm" }],
       keep: this.card.motion !== null && !this.card.player.playing,
     });
@@ -354,7 +362,8 @@ export class DrivenView extends BaseView {
       ["momentum of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.momentum, 5)).join(", ") || "–", "momentum")],
       ...(yields(state.structure) && impacts.length ? [
         ["contact time of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.duration, 5)).join(", "), "time")],
-        ["largest force of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.force, 5)).join(", "), "force")]] : []),
+        ["largest force of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.force, 5)).join(", "), "force")],
+        ["deepest indentation of each", withUnit(impacts.map((/** @type {any} */ each) => shown(each.depth, 5)).join(", "), "length")]] : []),
       ["largest multiplier", shown(solution.stability[best], 6)], ["near", solution.bifurcation[best]],
       ["work of the load per period", withUnit(shown(solution.work[best], 6), "energy")], ["energy lost per period", withUnit(shown(solution.energy_lost[best], 6), "energy")],
     ];

@@ -5,8 +5,9 @@ import { compute } from "./api.js";
 import { BaseView } from "./base_view.js";
 import { Clicks } from "./clicks.js";
 import { Curve } from "./curve.js";
-import { button, make } from "./dom.js";
+import { button, download, make } from "./dom.js";
 import { choiceField, numberField, switchField } from "./fields.js";
+import { numbersOf } from "./figure.js";
 import { help } from "./help.js";
 import { atTimes, loadFields } from "./loads.js";
 import { spread } from "./motion_card.js";
@@ -17,7 +18,8 @@ import { Shape } from "./shape.js";
 import { wholeRange } from "./ranges.js";
 import { setFields, state } from "./state.js";
 import { coordinateName, geometryOf, neededDofs, size, systemDocument, yields } from "./structures.js";
-import { axisOf, labelled } from "./units.js";
+import { axisOf, labelled, withUnit } from "./units.js";
+import { stopName } from "./words.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /** @returns {Record<string, any>} */
@@ -27,7 +29,7 @@ function fields() {
   const start = state.fields.state ? "state" : state.fields.mode ? "mode" : "coordinate";
   return {
     start, mode: null, periods: 12, duration: null, dof: first ? first.dof : 0, x: 0, v: velocity(1.5), soft: false, exponent: 17, stiffness: 10, scale: 0.97,
-    load: [], coordinate: first ? first.dof : 0, ...state.fields,
+    load: [], coordinate: first ? first.dof : 0, ...state.fields, ...(yields(state.structure) ? { soft: false } : {}),
   };
 }
 
@@ -38,6 +40,11 @@ function duration() {
   return now.start === "mode" && now.mode ? (now.periods * 2 * Math.PI) / now.mode : time(12.6);
 }
 
+/** @param {(number | null)[]} values @returns {number} */
+function largest(values) {
+  return values.reduce((/** @type {number} */ most, each) => Math.max(most, each ?? 0), 0);
+}
+
 export class HistoryView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
@@ -45,7 +52,7 @@ export class HistoryView extends BaseView {
     /** With soft stops. @type {any} */ this.soft = null;
     /** @type {Curve | null} */ this.curve = null;
     /** @type {{shape: Shape, rows: ArrayLike<number>[], impacts: any, x: Float64Array}[]} */ this.moving = [];
-    /** State in which the motion between soft stops begins. @type {any} */ this.beginning = null;
+    /** State in which the motion between soft stops, or stops with a stiffness, begins. @type {any} */ this.beginning = null;
     this.begun = false;
     this.clicks = new Clicks();
     this.play = button("Play", () => this.player.toggle(), { class: "play primary" });
@@ -54,8 +61,12 @@ export class HistoryView extends BaseView {
     this.time = make("output", { class: "time" }, "t = 0");
     this.sound = switchField("sound of impacts", false, (on) => this.clicks.enable(on), { name: "sound" });
     this.shapes = make("div", { class: "shapes" });
-    this.figure.before(this.shapes, make("div", { class: "controls" }, this.play, this.scrub, this.speed, this.time, this.sound));
+    // Kept curves stand beside the figure.
+    this.kept.before(this.shapes, make("div", { class: "controls" }, this.play, this.scrub, this.speed, this.time, this.sound));
     this.legend = make("ul", { class: "legend" });
+    this.force = make("div", { class: "forces" });
+    /** Forces of the stops that have a stiffness. @type {Curve | null} */ this.forces = null;
+    this.figure.after(this.force);
     this.section.append(this.legend);
     this.player = new Player((place, from) => this.#frame(place, from), { seconds: 15, again: false });
     this.player.onState = () => { this.play.textContent = this.player.playing ? "Pause" : "Play"; };
@@ -73,6 +84,7 @@ export class HistoryView extends BaseView {
     super.destroy();
     this.player.pause();
     this.clicks.enable(false);
+    if (this.forces) this.forces.destroy();
     this.watch.disconnect();
     this.stopTheme();
   }
@@ -90,7 +102,7 @@ export class HistoryView extends BaseView {
           numberField("displacement", now.x, this.set("x"), { name: "x" }), numberField("velocity", now.v, this.set("v"), { pointer: "/initial/v", name: "v" })] : []),
       ...(now.start === "mode" ? [] : [numberField("until t", duration(), this.set("duration"), { pointer: "/t_end", min: 0, name: "duration" })]),
       numberField("shown coordinate", now.coordinate, (value) => { setFields({ coordinate: value }, { silent: true }); this.draw(); }, { min: 0, whole: true, name: "coordinate" }),
-      switchField("soft stops beside", now.soft, (value) => this.reshape({ soft: value }), { name: "soft" }),
+      ...(yields(state.structure) ? [] : [switchField("soft stops beside", now.soft, (value) => this.reshape({ soft: value }), { name: "soft" })]),
       ...(now.soft ? [
         numberField("exponent", now.exponent, this.set("exponent"), { pointer: "/limiter/exponent", min: 1, name: "exponent" }),
         numberField("force at the gap", now.stiffness, this.set("stiffness"), { pointer: "/limiter/stiffness", min: 0, name: "stiffness" }),
@@ -107,8 +119,8 @@ export class HistoryView extends BaseView {
     const count = dofs ? dofs.length : n;
     const num = Math.max(200, Math.min(3001, Math.floor(150_000 / Math.max(1, count))));
     const request = {
-      system: systemDocument(state.structure), initial: this.#initial(n), t_end, t: { num }, ...(dofs ? { dofs } : {}),
-      ...atTimes(now.load), outputs: ["x", "impacts", "contacts"],
+      system: systemDocument(state.structure), initial: (yields(state.structure) && now.start === "mode" && this.beginning) || this.#initial(n), t_end, t: { num }, ...(dofs ? { dofs } : {}),
+      ...atTimes(now.load), outputs: ["x", "impacts", "contacts", ...(yields(state.structure) ? ["force"] : [])],
     };
     const limiter = { law: "power", exponent: now.exponent, stiffness: now.stiffness, scale: now.scale };
     return [
@@ -118,16 +130,16 @@ export class HistoryView extends BaseView {
   }
 
   /**
-   * Learn the state in which the motion between soft stops begins: impact modes are motions between
-   * rigid ones.
+   * Learn the state in which the motion between soft stops, or stops with a stiffness, begins: impact
+   * modes are motions between rigid ones.
    * @param {AbortSignal} signal
    */
   async #begin(signal) {
     const now = fields();
     const initial = this.#initial(size(state.structure));
     this.beginning = now.soft ? initial : null;
-    if (!now.soft || now.start !== "mode") return;
-    const first = await compute("time-history", { system: systemDocument(state.structure), initial, t_end: duration(), t: [0], outputs: ["x", "v"] }, { signal });
+    if (now.start !== "mode" || !(now.soft || yields(state.structure))) return;
+    const first = await compute("time-history", { system: systemDocument(state.structure, false), initial, t_end: duration(), t: [0], outputs: ["x", "v"] }, { signal });
     this.beginning = { x: first.x[0], v: first.v[0] };
   }
 
@@ -189,10 +201,47 @@ export class HistoryView extends BaseView {
     this.curve.range = wholeRange([...x, ...beside, ...this.curve.levels.map((level) => level.at)]);
     this.curve.onPick = (at) => this.#seek(at / end);
     this.curve.show([rigid.t, x, soft ? beside : x.map(() => null)]);
+    this.#drawForce();
     const trust = until < end
       ? `Beyond t = ${shown(until, 4)} double precision cannot tell where the structure is: deviations grow ${shown(rigid.error.condition, 2)} times.`
       : "Every digit shown can be trusted to the end.";
-    this.readout.textContent = `${met}. ${trust}`;
+    const felt = compliant && rests ? `, the largest force ${withUnit(shown(largest(contacts.peak_force), 5), "force")}, the deepest indentation ${withUnit(shown(largest(contacts.indentation), 5), "length")}` : "";
+    this.readout.textContent = `${met}${felt}. ${trust}`;
+  }
+
+  detail() {
+    const now = fields();
+    if (now.start === "mode") return `from the impact mode at Ω = ${shown(now.mode, 6)}`;
+    return now.start === "coordinate" ? `from coordinate ${now.dof} with displacement ${shown(now.x, 4)}, velocity ${shown(now.v, 4)}` : "from the state seen before";
+  }
+
+  others() {
+    return [this.forces];
+  }
+
+  /** The forces of stops with a stiffness, below the displacement. */
+  #drawForce() {
+    if (this.forces) this.forces.destroy();
+    this.forces = null;
+    this.force.replaceChildren();
+    const { t, force, contacts } = this.result;
+    if (!force) return;
+    const holder = make("div");
+    this.force.append(holder);
+    const { stops } = state.structure;
+    const peak = largest(contacts.peak_force);
+    this.forces = new Curve(holder, {
+      x: labelled("time t", "time"), y: labelled("force of the stops", "force"), height: 180,
+      label: `Force of the stops over time: ${contacts.start.length} contacts, the largest force ${withUnit(shown(peak, 4), "force")}.`,
+      series: stops.map((stop, i) => ({ label: stopName(stop, i), colour: `curve-${(i % 4) + 1}`, width: 1.6 })),
+    });
+    const columns = stops.map((_, i) => force.map((/** @type {number[]} */ row) => row[i]));
+    this.forces.extent = [0, t[t.length - 1]];
+    // Peaks lie between the times of the curve.
+    this.forces.range = wholeRange([0, peak]);
+    this.forces.onPick = (at) => this.#seek(at / t[t.length - 1]);
+    this.forces.show([t, ...columns]);
+    this.force.append(button("Save the forces as CSV", () => this.forces && download("forces.csv", new Blob([numbersOf(this.forces)], { type: "text/csv" })), { class: "quiet" }));
   }
 
   #show() {
@@ -229,7 +278,8 @@ export class HistoryView extends BaseView {
     if (!rigid || !this.curve) return;
     const end = rigid.t[rigid.t.length - 1];
     const t = place * end;
-    const { time, constraint, side, velocity } = rigid.impacts;
+    const { impacts, contacts } = rigid;
+    const { time, constraint, side, velocity } = impacts;
     const glow = Math.max(end * 0.004, 1e-9);
     /** @type {import("./shape.js").Mark[]} */
     const marks = [];
@@ -237,6 +287,13 @@ export class HistoryView extends BaseView {
       if (Math.abs(at - t) < glow) marks.push({ stop: constraint[i], side: side[i] });
       if (this.player.playing && at > from * end && at <= t) this.clicks.click(Math.abs(velocity[i]));
     });
+    if (this.forces) {
+      // While it lasts, a contact is seen.
+      contacts.start.forEach((/** @type {number} */ start, /** @type {number} */ i) => {
+        if (start <= t && t <= (contacts.stop[i] ?? end)) marks.push({ stop: contacts.constraint[i], side: contacts.side[i] });
+      });
+      this.forces.point(t);
+    }
     this.moving.forEach(({ shape, rows, x }, i) => {
       shape.chosen = fields().coordinate;
       shape.draw(interpolated(rows, place * (rows.length - 1), x), i ? [] : marks);

@@ -8,9 +8,10 @@ import { choiceField, numberField, showError } from "./fields.js";
 import { help } from "./help.js";
 import { energyCurve, introduction, legend, shading, stabilityIn } from "./mode_family.js";
 import { MotionCard, spread } from "./motion_card.js";
-import { lowest, natural, rangeOfModes } from "./natural.js";
-import { linspace, shown } from "./numbers.js";
+import { natural, rangeOfModes, tooLow } from "./natural.js";
+import { linspace, shown, subscript } from "./numbers.js";
 import { rangeWithPoles, withoutPoles } from "./ranges.js";
+import { parametersOf, ratesPart } from "./rates.js";
 import { setFields, show, state } from "./state.js";
 import { coordinateName, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
 import { axisOf, frequencyInWords, labelled, withUnit } from "./units.js";
@@ -41,13 +42,6 @@ function frequencies() {
   return known ? [...known.Omega] : [];
 }
 
-/** @returns {string[]} that the whole range lies where there are hardly impact modes, if it does */
-function tooLow() {
-  const first = lowest();
-  if (first === null || fields().to > 0.9 * first) return [];
-  return [`all of these frequencies lie below the first natural frequency, Ω₁ = ${shown(first, 4)}, where the stop is hardly reached without resonances of high harmonics`];
-}
-
 export class ModesView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
@@ -72,14 +66,16 @@ export class ModesView extends BaseView {
     root.append(moving);
     this.card = new MotionCard(moving, { title: "The mode at the cursor", axis: "t/T" });
     this.card.onCoordinate = (dof) => setFields({ coordinate: dof }, { silent: true });
+    this.rates = ratesPart(() => this.#differentiated());
     root.append(make("div", { class: "pair" },
-      make("section", { class: "card", "aria-labelledby": "why-title" }, make("h2", { id: "why-title" }, "At the cursor"), this.verdict, this.values,
+      make("section", { class: "card", "aria-labelledby": "why-title" }, make("h2", { id: "why-title" }, "At the cursor"), this.verdict, this.values, this.rates.element,
         make("p", { class: "row" }, button("Time history from here", () => this.#history(), { class: "primary" }))),
       make("section", { class: "card", "aria-labelledby": "energy-title" }, make("h2", { id: "energy-title" }, "Frequency and energy"), this.energyFigure)));
     this.slider.addEventListener("input", () => this.#move(Number(this.slider.value)));
     this.ask = latest((/** @type {{Omega: number, moved: number}} */ place) => this.#askMode(place));
     // Of large structures it takes longer than the cursor rests while it is dragged.
     this.askGrowth = settled(250, () => this.#growth());
+    this.askRates = settled(250, () => this.rates.update());
   }
 
   destroy() {
@@ -131,7 +127,7 @@ export class ModesView extends BaseView {
   /** @param {AbortSignal} signal @param {import("./base_view.js").OnJob} onJob */
   async work(signal, onJob) {
     const [curve, bands] = this.requests();
-    this.accept(await compute(curve.kind, curve.request, { signal, onJob }), [...leftOut(state.structure), ...tooLow()]);
+    this.accept(await compute(curve.kind, curve.request, { signal, onJob }), [...leftOut(state.structure), ...tooLow(fields().to)]);
     this.bands = null;
     this.draw();
     const { Omega, from, to } = fields();
@@ -265,6 +261,14 @@ export class ModesView extends BaseView {
     };
   }
 
+  /** What of the mode at the cursor is differentiated. */
+  #differentiated() {
+    if (!this.mode) return null;
+    const { tau, dofs, outputs, ...request } = this.#modeRequest(this.mode.frequency.Omega[0]);
+    const { stops } = state.structure;
+    return { request, parameters: parametersOf(stops, this.mode.frequency.Omega[0]), names: this.mode.constraint.map((/** @type {number} */ i) => stopName(stops[i], i)) };
+  }
+
   /** Points of a waveform: ten for each oscillation of the highest mode, as far as that is quick. @param {number} Omega @param {number} count */
   #times(Omega, count) {
     const highest = frequencies().pop() || Omega;
@@ -286,11 +290,13 @@ export class ModesView extends BaseView {
     this.#showMode();
     performance.measure("cursor", { start: moved });
     this.askGrowth();
+    this.askRates();
   }
 
   #showMode() {
     const { mode } = this;
-    const { stops } = state.structure;
+    // Impact modes are motions between rigid stops.
+    const stops = state.structure.stops.map((each) => ({ ...each, stiffness: null }));
     const geometry = geometryOf(state.structure);
     const struck = /** @type {number[]} */ (mode.constraint);
     const rows = spread(mode.waveform[0], mode.dof, geometry.n);
@@ -389,9 +395,4 @@ export class ModesView extends BaseView {
     const { Omega } = fields();
     if (Omega !== null) show("history", { mode: Omega, periods: 12 });
   }
-}
-
-/** @param {number} number */
-function subscript(number) {
-  return String(number).replace(/\d/g, (digit) => "₀₁₂₃₄₅₆₇₈₉"[Number(digit)]);
 }

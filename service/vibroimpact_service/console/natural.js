@@ -1,6 +1,7 @@
 // The natural frequencies of the structure on the page, and the ranges, times and forces that fit it.
 
 import { ask, send } from "./api.js";
+import { shown } from "./numbers.js";
 import { state } from "./state.js";
 import { FORMS, size, systemDocument } from "./structures.js";
 
@@ -84,7 +85,8 @@ function reference() {
   return isWide() ? first : last;
 }
 
-function isWide() {
+/** @returns {boolean} whether the last natural frequency is far above the first, as of beams: motions between stops then rest on the first modes */
+export function isWide() {
   return known !== null && (!known.all || known.Omega[known.Omega.length - 1] > WIDE * known.Omega[0]);
 }
 
@@ -135,4 +137,11 @@ export function amplitude() {
     return rounded(0.05 * stiffness, 2);
   }
   return known && known.flexibility ? rounded((0.25 * gap()) / known.flexibility, 1) : 0.05;
+}
+
+/** @param {number} to end of a range @returns {string[]} that all of it lies where there are hardly impact modes, if it does */
+export function tooLow(to) {
+  const first = lowest();
+  if (first === null || to > 0.9 * first) return [];
+  return [`all of these frequencies lie below the first natural frequency, Ω₁ = ${shown(first, 4)}, where the stop is hardly reached without resonances of high harmonics`];
 }

@@ -86,3 +86,8 @@ export function interpolated(rows, place, into) {
   }
   return into;
 }
+
+/** @param {number} number whole @returns {string} */
+export function subscript(number) {
+  return String(number).replace(/\d/g, (digit) => "₀₁₂₃₄₅₆₇₈₉"[Number(digit)]);
+}

@@ -3,10 +3,11 @@
 
 import { FINE, beamEnvelope } from "./envelope.js";
 import { shown } from "./numbers.js";
+import { drawWall, indentation } from "./walls.js";
 
 /**
  * @typedef {import("./structures.js").Geometry} Geometry
- * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null}} Walls
+ * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null, stiffness?: number | null}} Walls stiffness: of stops that give way
  * @typedef {{ink: string, soft: string, line: string, accent: string, fill: string, stop: string, alarm: string, paper: string}} Colours
  * @typedef {{stop: number, side: number, alarm?: boolean}} Mark a wall that is emphasised: side 1 is the upper one
  * @typedef {import("./envelope.js").Envelope} Envelope
@@ -28,6 +29,8 @@ export class Shape {
     this.colours = colours;
     /** Displacement that fills the height of the drawing. */
     this.reach = 1;
+    /** How far a stop is pushed in at most, as a displacement. */
+    this.deepest = 0;
     /** Coordinate whose waveform is shown. */
     this.chosen = -1;
     /** @type {Envelope | null} */
@@ -57,8 +60,15 @@ export class Shape {
     }
     const gaps = this.stops.flatMap(({ lower, upper }) => [lower, upper].map((gap) => Math.abs(gap || 0)));
     const gap = Math.max(0, ...gaps);
-    this.reach = 1.08 * (Math.max(most, gap < 4 * most || !most ? gap : 0) || 1);
+    this.deepest = Math.max(0, ...this.stops.flatMap((stop) => [1, -1].map((side) => rows.reduce((depth, row) => Math.max(depth, this.#pushed(stop, side, row) || 0), 0))));
+    // Behind a stop that gives way stands its footing.
+    this.reach = (this.deepest ? 1.3 : 1.08) * (Math.max(most, gap < 4 * most || !most ? gap : 0) || 1);
     this.envelope = this.geometry.element ? beamEnvelope(rows, drawn, this.geometry.element) : { smallest, largest };
+  }
+
+  /** @param {Walls} stop @param {number} side @param {ArrayLike<number>} x displacements @returns {number | null} how far it is pushed in; null: it is rigid */
+  #pushed(stop, side, x) {
+    return indentation(stop, side, x[stop.dof] - (stop.relativeTo === null ? 0 : x[stop.relativeTo]));
   }
 
   /** Draw how long a round displacement is. @param {number} scale pixels of a unit @param {number} x @param {number} y @param {boolean} upright */
@@ -141,28 +151,13 @@ export class Shape {
   }
 
   /**
-   * A wall: a bar with hatching behind it, centred at (x, y), facing the direction (u, v).
+   * A wall at (x, y), facing the direction (u, v).
    * @param {number} x @param {number} y @param {number} u @param {number} v @param {number} width
-   * @param {Mark} [mark]
+   * @param {Mark | undefined} mark @param {number | null} [pushed] pixels by which it gives way; null: it is rigid @param {number} [scale] pixels of a unit
    */
-  #wall(x, y, u, v, width, mark) {
+  #wall(x, y, u, v, width, mark, pushed = null, scale = 0) {
     const { context, colours } = this;
-    const colour = mark && mark.alarm ? colours.alarm : colours.stop;
-    const half = width / 2;
-    if (mark) {
-      context.beginPath();
-      context.arc(x, y, half + 7, 0, 2 * Math.PI);
-      context.globalAlpha = 0.18;
-      context.fillStyle = colour;
-      context.fill();
-      context.globalAlpha = 1;
-    }
-    this.#line([[x - v * half, y + u * half], [x + v * half, y - u * half]], colour, mark ? 5 : 3.5);
-    for (let s = -half; s < half - 1; s += 6) {
-      // hatched on the side away from the structure
-      const [a, b] = [x - v * s, y + u * s];
-      this.#line([[a, b], [a - u * 6 - v * 4, b - v * 6 + u * 4]], colour, 1);
-    }
+    drawWall(context, mark && mark.alarm ? colours.alarm : colours.stop, { x, y, u, v, width, marked: Boolean(mark), pushed: pushed === null ? null : pushed * scale, deepest: this.deepest * scale });
   }
 
   /** @param {number} x @param {number} height @param {number} sign side of the hatching */
@@ -211,8 +206,8 @@ export class Shape {
       if (k < 0) return;
       const base = stop.relativeTo === null ? 0 : x[stop.relativeTo];
       const size = Math.min(34, Math.max(16, 1.3 * spacing));
-      if (stop.upper !== null) this.#wall(across(k), up(base + stop.upper) - this.#radius(spacing), 0, 1, size, this.#mark(index, 1, marks));
-      if (stop.lower !== null) this.#wall(across(k), up(base - stop.lower) + this.#radius(spacing), 0, -1, size, this.#mark(index, -1, marks));
+      if (stop.upper !== null) this.#wall(across(k), up(base + stop.upper) - this.#radius(spacing), 0, 1, size, this.#mark(index, 1, marks), this.#pushed(stop, 1, x), scale);
+      if (stop.lower !== null) this.#wall(across(k), up(base - stop.lower) + this.#radius(spacing), 0, -1, size, this.#mark(index, -1, marks), this.#pushed(stop, -1, x), scale);
     });
     if (geometry.element) this.#beam(points((dof) => x[dof]), [0, ...drawn.map((dof) => x[dof + 1] * (geometry.element || 0) * scale)], spacing);
     else this.#line(points((dof) => x[dof]), colours.accent, smooth ? 4 : 2);
@@ -276,8 +271,8 @@ export class Shape {
       this.stops.forEach((stop, index) => {
         if (stop.dof !== dof || stop.relativeTo !== null) return;
         const [middle, tall] = [height / 2 + 0.24 * size, 0.52 * size + 6];
-        if (stop.upper !== null) this.#wall(rest(place) + stop.upper * scale + half, middle, -1, 0, tall, this.#mark(index, 1, marks));
-        if (stop.lower !== null) this.#wall(rest(place) - stop.lower * scale - half, middle, 1, 0, tall, this.#mark(index, -1, marks));
+        if (stop.upper !== null) this.#wall(rest(place) + stop.upper * scale + half, middle, -1, 0, tall, this.#mark(index, 1, marks), this.#pushed(stop, 1, x), scale);
+        if (stop.lower !== null) this.#wall(rest(place) - stop.lower * scale - half, middle, 1, 0, tall, this.#mark(index, -1, marks), this.#pushed(stop, -1, x), scale);
       });
       context.beginPath();
       context.roundRect(centre - half, height / 2 - size / 2, 2 * half, size, 5);
@@ -290,8 +285,8 @@ export class Shape {
         const { stop, index } = inner;
         const middle = centre + (x[stop.dof] - x[dof]) * scale;
         const small = size * 0.45;
-        if (stop.upper !== null) this.#wall(centre + stop.upper * scale + small, height / 2, -1, 0, size * 0.8, this.#mark(index, 1, marks));
-        if (stop.lower !== null) this.#wall(centre - stop.lower * scale - small, height / 2, 1, 0, size * 0.8, this.#mark(index, -1, marks));
+        if (stop.upper !== null) this.#wall(centre + stop.upper * scale + small, height / 2, -1, 0, size * 0.8, this.#mark(index, 1, marks), this.#pushed(stop, 1, x), scale);
+        if (stop.lower !== null) this.#wall(centre - stop.lower * scale - small, height / 2, 1, 0, size * 0.8, this.#mark(index, -1, marks), this.#pushed(stop, -1, x), scale);
         this.#bead(middle, height / 2, small, true);
         this.places.push({ dof: stop.dof, x: middle, y: height / 2 });
       }
@@ -391,7 +386,7 @@ export class Shape {
         const [c, d] = seen(node.map((value, axis) => value + side * 0.2 * extent * direction[axis]));
         const length = Math.hypot(c - from[0], d - from[1]) || 1;
         const [u, v] = [-(c - from[0]) / length, -(d - from[1]) / length];
-        this.#wall(a - u * (radius + 2), b - v * (radius + 2), u, v, 30, this.#mark(index, side, marks));
+        this.#wall(a - u * (radius + 2), b - v * (radius + 2), u, v, 30, this.#mark(index, side, marks), this.#pushed(stop, side, x), (stretch * length) / (0.2 * extent));
       }
       const [a, b] = seen(moved[nodeOf[stop.dof]]);
       this.#bead(a, b, radius + 2, true);

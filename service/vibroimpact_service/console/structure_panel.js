@@ -12,7 +12,7 @@ import { shown } from "./numbers.js";
 import { Shape } from "./shape.js";
 import { dampingSlider, gapSlider, restitutionSlider } from "./sliders.js";
 import { setStructure, show, state } from "./state.js";
-import { FORMS, coordinateName, geometryOf, leading, measure, preset, size, stop } from "./structures.js";
+import { FORMS, beamIn, coordinateName, geometryOf, isSoft, leading, measure, preset, size, stop } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
 import { UNITS, inSeconds, labelled } from "./units.js";
 
@@ -146,6 +146,14 @@ function stops(toggleStop, rebuild) {
     const upper = numberField(labelled("Upper gap", measure(structure, each.dof)), each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" });
     const restitution = numberField("Restitution", each.restitution, set("restitution"), { pointer: `${at}/restitution`, min: 0, max: 1 });
     restitution.append(restitutionSlider(index, restitution, changed));
+    // With a stiffness, which time histories, ensembles and periodic motions take, there is a damping instead.
+    const damping = numberField(labelled("Stop damping", "dashpot"), each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" });
+    const choose = () => { [restitution.hidden, damping.hidden] = [isSoft(each), !isSoft(each)]; };
+    const stiffness = numberField(labelled("Stiffness", "stiffness"), each.stiffness, (value) => {
+      set("stiffness")(value);
+      choose();
+    }, { pointer: `${at}/law`, min: 0, empty: "rigid" });
+    choose();
     // The words of the first stop are explained where they stand.
     const [gapHelp, restitutionHelp, struckHelp] = index ? ["", "", ""] : [help("gap"), help("restitution"), help("struck")];
     lower.append(gapHelp);
@@ -155,9 +163,7 @@ function stops(toggleStop, rebuild) {
       numberField("Coordinate", each.dof, set("dof"), { pointer: `${at}/dof`, whole: true, min: 0 }),
       numberField("Relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
       lower, upper, make("div", { class: "whole" }, gapSlider(index, lower, upper, changed)), restitution,
-      // With a stiffness, which time histories, ensembles and periodic motions take, there is a damping instead.
-      numberField("Stiffness", each.stiffness, set("stiffness"), { pointer: `${at}/law`, min: 0, empty: "rigid" }),
-      numberField("Stop damping", each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" }),
+      stiffness, damping,
       make("div", { class: "stop-acts" },
         make("span", {}, switchField("struck", each.active, (value) => { each.active = value; changed(); }), struckHelp),
         button("Remove", () => { structure.stops.splice(index, 1); rebuild(); changed(); }, { class: "quiet", "aria-label": `Remove stop ${index}` })),
@@ -236,14 +242,15 @@ async function take(files) {
 async function firstStop(structure) {
   const { drawn, nodes } = geometryOf(structure);
   const sizes = nodes ? [0, 1, 2].map((axis) => Math.max(...nodes.map((node) => node[axis])) - Math.min(...nodes.map((node) => node[axis]))) : [];
-  const extent = Math.max(0, ...sizes);
+  const beam = beamIn(structure);
+  const extent = Math.max(0, ...sizes, beam ? beam.length : 0);
   const gap = extent > 0 ? Number((0.01 * extent).toPrecision(1)) : 1;
   const request = { system: { id: structure.id, constraints: [] }, count: 1, outputs: ["Omega", "shape"] };
   const mode = await ask("POST", "/v1/compute/natural-frequencies", request).catch(() => ({}));
   if (!mode.shape) return [stop(drawn[0] || 0, gap, gap)];
   const [shape] = mode.shape;
-  // A geometry tells displacements, which alone are drawn, from rotations.
-  const most = nodes ? drawn.reduce((best, dof) => (Math.abs(shape[dof]) > Math.abs(shape[best]) * (1 + 1e-9) ? dof : best), drawn[0] || 0) : leading(structure, shape, drawn);
+  // A geometry, or a beam, tells displacements, which alone are drawn, from rotations.
+  const most = nodes || beam ? drawn.reduce((best, dof) => (Math.abs(shape[dof]) > Math.abs(shape[best]) * (1 + 1e-9) ? dof : best), drawn[0] || 0) : leading(structure, shape, drawn);
   return [stop(most, gap, gap)];
 }
 

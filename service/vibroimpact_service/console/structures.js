@@ -1,5 +1,8 @@
 // Structures of the page: their documents, their matrices, and how they are drawn.
 
+import { beamOf } from "./beams.js";
+import { entries, rows } from "./matrix_forms.js";
+
 /**
  * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null,
  *   restitution: number, active: boolean, stiffness: number | null, damping: number | null}} Stop
@@ -91,7 +94,12 @@ export function preset(form) {
 
 /** @param {Structure} structure @returns {boolean} whether its stops have a stiffness: what meets one is in contact for a while */
 export function yields(structure) {
-  return structure.stops.some(({ stiffness }) => stiffness !== null);
+  return structure.stops.some(isSoft);
+}
+
+/** @param {{stiffness?: number | null}} each @returns {boolean} whether a stop has a stiffness */
+export function isSoft({ stiffness }) {
+  return stiffness !== null && stiffness !== undefined;
 }
 
 /** @param {Structure} structure @returns {number} degrees of freedom; 0 where they are not known yet */
@@ -102,14 +110,6 @@ export function size(structure) {
   if (form === "oscillator") return 1;
   if (form === "matrices" || form === "stored") return matrices ? rows(matrices.K) : 0;
   return 2;
-}
-
-/** @param {any} matrix in any form of the contract @returns {number} */
-function rows(matrix) {
-  if (Array.isArray(matrix)) return matrix.length;
-  if (matrix.diagonal) return matrix.diagonal.length;
-  if (matrix.bands) return matrix.bands["0"] ? matrix.bands["0"].length : 0;
-  return matrix.shape ? matrix.shape[0] : matrix.n;
 }
 
 /**
@@ -128,15 +128,23 @@ export function axisName(structure, dof) {
 }
 
 /** @param {Structure} structure @param {number} dof @returns {"length" | "angle"} what a coordinate is measured in */
-export function measure({ geometry }, dof) {
+export function measure(structure, dof) {
+  const { geometry } = structure;
   const place = geometry && geometry.dofs && geometry.dofs[dof];
+  if (!place && dof % 2 && beamIn(structure)) return "angle";
   return place && place.direction.startsWith("r") ? "angle" : "length";
 }
 
+/** @param {Structure} structure @returns {import("./beams.js").Beam | null} the beam that matrices without a geometry are, if they are one */
+export function beamIn({ matrices, geometry }) {
+  return matrices && !geometry ? beamOf(matrices.K) : null;
+}
+
 /** @param {Structure} structure @param {number} dof @returns {string} */
-function partOf({ form, geometry }, dof) {
+function partOf(structure, dof) {
+  const { form, geometry } = structure;
   if (form === "chain" || form === "two_mass") return `mass ${dof + 1}`;
-  if (form === "beam") return `node ${Math.floor(dof / 2) + 1}, ${dof % 2 ? "rotation" : "deflection"}`;
+  if (form === "beam" || beamIn(structure)) return `node ${Math.floor(dof / 2) + 1}, ${dof % 2 ? "rotation" : "deflection"}`;
   if (form === "absorber") return ["main mass", "absorber"][dof] || "";
   if (form === "double_pendulum") return ["upper rod", "lower rod"][dof] || "";
   const place = geometry && geometry.dofs && geometry.dofs[dof];
@@ -152,25 +160,25 @@ export function inWords(structure) {
   return [form === "stored" ? name || about.label : about.label, ...numbers, ...(damping ? [`ζ = ${damping}`] : []), each.length ? `stops: ${each.join("; ")}` : "no stop"].join(", ");
 }
 
-/** @param {Stop} each @returns {any} the document of a constraint */
-function constraint(each) {
+/** @param {Stop} each @param {boolean} losses without them it is rigid, and gives all velocity back @returns {any} the document of a constraint */
+function constraint(each, losses) {
   const place = each.relativeTo === null
     ? { dof: each.dof } : { direction: { dofs: [each.dof, each.relativeTo], weights: [1, -1] } };
   const gap = each.lower === each.upper && each.upper !== null && each.upper > 0
     ? each.upper : { lower: each.lower, upper: each.upper };
-  const law = each.stiffness === null || each.stiffness === undefined ? { restitution: each.restitution }
-    : { law: { type: "linear", stiffness: each.stiffness, damping: each.damping || 0 } };
+  const soft = isSoft(each);
+  const law = soft && losses ? { law: { type: "linear", stiffness: each.stiffness, damping: each.damping || 0 } } : { restitution: soft ? 1 : each.restitution };
   return { ...place, gap, ...law };
 }
 
 /**
- * Return the document of a structure. Damping is left out where a computation knows none.
+ * Return the document of a structure. Damping, and the stiffness of stops, are left out where a computation knows none.
  * @param {Structure} structure
  * @param {boolean} [damped]
  */
 export function systemDocument(structure, damped = true) {
   const { form, parameters: p, stops, id, loads } = structure;
-  const constraints = stops.map(constraint);
+  const constraints = stops.map((each) => constraint(each, damped));
   const zeta = damped && !(structure.matrices && structure.matrices.C) ? structure.damping : 0;
   const loaded = loads.some((each) => each.force);
   if (!loaded) {
@@ -189,13 +197,14 @@ export function systemDocument(structure, damped = true) {
 }
 
 /**
- * Return what the document of a structure without its damping leaves out, as results say it.
+ * Return what the document of a structure without its damping and the stiffness of its stops leaves out, as results say it.
  * @param {Structure} structure
  * @returns {string[]}
  */
 export function leftOut(structure) {
   const damped = structure.damping || (structure.form !== "stored" && structure.matrices && structure.matrices.C);
-  return damped ? ["the damping C is neglected: the motions have no energy loss"] : [];
+  const soft = structure.stops.flatMap((each, i) => (isSoft(each) ? [`the stiffness of stop ${i} is neglected: impact modes are motions between rigid stops`] : []));
+  return [...(damped ? ["the damping C is neglected: the motions have no energy loss"] : []), ...soft];
 }
 
 /** @param {number} n @param {number[] | undefined | null} force @param {{dof: number, force: number}[]} loads @returns {number[]} */
@@ -291,24 +300,6 @@ export function leading(structure, shape, among) {
   return among.reduce((best, dof) => (share[dof] > share[best] ? dof : best), among[0] || 0);
 }
 
-/** @param {any} matrix @param {number} n @returns {Generator<[number, number, number]>} row, column, value */
-function* entries(matrix, n) {
-  if (Array.isArray(matrix)) {
-    for (let i = 0; i < n; i += 1) for (let j = 0; j < n; j += 1) if (matrix[i][j]) yield [i, j, matrix[i][j]];
-  } else if (matrix.bands) {
-    for (const [offset, row] of Object.entries(matrix.bands)) {
-      for (let i = 0; i < row.length; i += 1) {
-        yield [i, i + Number(offset), row[i]];
-        if (Number(offset)) yield [i + Number(offset), i, row[i]];
-      }
-    }
-  } else if (matrix.data) {
-    for (let e = 0; e < matrix.data.length; e += 1) yield [matrix.row[e], matrix.col[e], matrix.data[e]];
-  } else {
-    for (let i = 0; i < n; i += 1) yield [i, i, matrix.diagonal ? matrix.diagonal[i] : matrix.scalar];
-  }
-}
-
 const AXES = { x: 0, y: 1, z: 2 };
 
 /** @param {Structure} structure @returns {Geometry} how it is drawn */
@@ -325,6 +316,9 @@ export function geometryOf(structure) {
   if (form === "absorber") return { ...base, layout: "row", springs: true, fixed: [true, false] };
   if (form === "double_pendulum") return { ...base, layout: "pendulum" };
   if (structure.geometry) return cloud(base, structure.geometry, structure);
+  const beam = beamIn(structure);
+  // Only a cantilever is drawn with its slopes.
+  if (beam) return { ...base, drawn: all.filter((i) => i % 2 === 0), fixed: beam.fixed, smooth: true, ...(beam.fixed[0] && !beam.fixed[1] ? { element: beam.element } : {}) };
   return base;
 }
 

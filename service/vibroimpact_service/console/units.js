@@ -3,13 +3,13 @@
 import { state } from "./state.js";
 import { axisName, coordinateName, measure } from "./structures.js";
 
-/** @typedef {"time" | "length" | "angle" | "velocity" | "force" | "momentum" | "energy" | "Omega"} Quantity */
+/** @typedef {"time" | "length" | "angle" | "velocity" | "force" | "momentum" | "energy" | "Omega" | "stiffness" | "dashpot"} Quantity */
 
 /** Units to choose from, for matrices that came without. @type {[string, {length: string, mass: string, time: string}][]} */
 export const UNITS = [["m, kg, s", { length: "m", mass: "kg", time: "s" }], ["mm, t, s", { length: "mm", mass: "t", time: "s" }]];
 
 /** Composed units with names of their own, which matrices in either of these units have. @type {Record<string, string>} */
-const NAMES = { "kg m/s²": "N", "t mm/s²": "N", "kg m/s": "N s", "t mm/s": "N s", "kg m²/s²": "J", "t mm²/s²": "mJ" };
+const NAMES = { "kg m/s²": "N", "t mm/s²": "N", "kg/s²": "N/m", "t/s²": "N/mm", "kg/s": "N s/m", "t/s": "N s/mm", "kg m/s": "N s", "t mm/s": "N s", "kg m²/s²": "J", "t mm²/s²": "mJ" };
 
 /** @param {Quantity} quantity @returns {string} empty: the structure has no units */
 function unit(quantity) {
@@ -18,7 +18,7 @@ function unit(quantity) {
   const { length, mass, time } = units;
   const composed = {
     time, length, angle: "rad", velocity: `${length}/${time}`, force: `${mass} ${length}/${time}²`, momentum: `${mass} ${length}/${time}`,
-    energy: `${mass} ${length}²/${time}²`, Omega: `rad/${time}`,
+    energy: `${mass} ${length}²/${time}²`, stiffness: `${mass}/${time}²`, dashpot: `${mass}/${time}`, Omega: `rad/${time}`,
   }[quantity];
   return NAMES[composed] || composed;
 }
