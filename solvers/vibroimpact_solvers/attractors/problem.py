@@ -170,6 +170,7 @@ class Problem:
             frozenset({"x", "v", "impacts", "contacts"}),
             load=_harmonic(self.load, float(self.Omega[0])),
             estimate=False,
+            contact_impulses=False,
         )
 
     def driven(

@@ -55,6 +55,7 @@ class AtWalls:
         size = np.abs(watched.coordinate * z).sum(axis=(1, 2)) + walls["size"]
         self._rounding = ROUNDING * size
         self._restitution = walls["restitution"]
+        self._forces: dict[tuple[Contact, ...], dict[Contact, float]] = {}
 
     def length(self, contact: Contact) -> float:
         """Return the length of the state that the speed of a coordinate alone is."""
@@ -66,16 +67,22 @@ class AtWalls:
 
         A force that is rounding may still grow: such contacts stay, and the search decides.
         """
-        if not contacts:
-            return {}
-        index, side = np.ascontiguousarray(np.array(sorted(contacts), dtype=np.int64).T)
+        ordered = tuple(sorted(contacts))
+        known = self._forces.get(ordered)
+        if known is None:
+            known = self._forces[ordered] = self._solved(ordered) if ordered else {}
+        return known
+
+    def _solved(self, contacts: tuple[Contact, ...]) -> dict[Contact, float]:
+        """Return what `forces` does, of one contact or more, in their order."""
+        index, side = np.ascontiguousarray(np.array(contacts, dtype=np.int64).T)
         towards, sides = side * self._accelerations[index], side.astype(np.float64)
         inelastic = np.zeros(self._restitution.size)
         forces = impulses(self._mobility, inelastic, index, sides, towards)
         mobility = sides[:, np.newaxis] * self._mobility[np.ix_(index, index)] * sides
         slight = self._slight[index] + _SLIGHT * (np.abs(mobility) @ forces)
         stays = (forces > 0.0) | (mobility @ forces - towards <= slight)
-        return {c: float(forces[i]) for i, c in enumerate(sorted(contacts)) if stays[i]}
+        return {c: float(forces[i]) for i, c in enumerate(contacts) if stays[i]}
 
     def touching(self, contacts: Collection[Contact]) -> Contact | None:
         """Return a coordinate that stays at its wall as far as rounding tells, not in contact."""

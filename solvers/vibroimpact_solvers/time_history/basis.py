@@ -648,6 +648,8 @@ class Basis:
     def doubt_loads(self, z: Floats) -> None:
         """Let the loads of deviations be unknown, in place; displacements and velocities stay."""
         place = self.load_places
+        if len(z) == 1:
+            return
         sizes = self.doubts[0][place] * np.hypot(*z[0][:, place])
         for column, deviation in enumerate(z[1:] if place.size else (), start=1):
             signs = self.signs[column % len(self.signs)]
@@ -750,6 +752,8 @@ class Basis:
         a, b = loads[..., 0, :count], loads[..., 1, :count]
         q = a @ H.real.T + b @ H.imag.T
         rate = a @ self._response_rate.real.T + b @ self._response_rate.imag.T
+        if not self._along.size:
+            return q, rate
         value, slope = loads[..., 0, count:], loads[..., 1, count:]
         q = q + value @ self._along.T + slope @ self._behind.T
         return q, rate + slope @ self._along.T
@@ -838,7 +842,7 @@ class Basis:
             derived[..., 0, k] += first * forms[..., 0, j] + second * forms[..., 1, j]
         return derived
 
-    @property
+    @cached_property
     def _turns(self) -> tuple[Floats, Floats]:
         index = np.arange(self.pairs)
         there = np.where(index < self.flow.hyperbolas_end, self.nu, 1.0)

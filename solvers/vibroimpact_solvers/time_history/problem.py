@@ -97,6 +97,8 @@ class Problem:
         Whether errors are estimated, and with them the time until which they are small.
     parameters : tuple of Parameter
         By which the outputs are differentiated.
+    contact_impulses : bool
+        Whether impulses of contacts with rigid stops are computed; nan otherwise.
     """
 
     system: System
@@ -112,6 +114,7 @@ class Problem:
     estimate: bool = True
     digits: int | None = None
     parameters: tuple[Parameter, ...] = ()
+    contact_impulses: bool = True
 
     def __post_init__(self) -> None:
         t = np.zeros(0) if self.t is None else np.ascontiguousarray(self.t, dtype=np.float64)

@@ -148,21 +148,19 @@ class Run:
         self.configuration, self.scale = structure.configuration(), structure.scale
         self.output_times, self.dofs = problem.history_times * self.scale, problem.output_dofs
         self.Z, self.progress, self._table = arrays.Z, arrays.progress, arrays.table
+        self.progress_row: np.void = arrays.progress[0]
+        """The row of the progress, a view."""
         self._work = arrays.work
         self.impacts, self.intervals = list[Rows](), list[ContactInterval]()
         self.contacts: dict[Contact, ContactInterval] = {}
         self._switched: tuple[float, int] = (-1.0, 0)
         self._errors = ContactErrors(problem, structure) if problem.estimate else None
+        self._impulses = problem.contact_impulses
         self._event_error = math.nan  # of the time of what happens now, in the units of x
         self._begun = list[tuple[ContactInterval, Configuration, float, float]]()
         self._whole_end, self._segment = self.end, -1
         self.used = {self.configuration.contacts: self.configuration}
         self._rows = self._events = self._afterwards = 0
-
-    @property
-    def progress_row(self) -> np.void:
-        """The row of the progress."""
-        return self.progress[0]  # type: ignore[no-any-return]
 
     # -- the loop --
 
@@ -246,7 +244,7 @@ class Run:
         self._check_walls_distinguishable()
         now = self.progress_row
         now["budget"], now["longest"] = WORK, basis.longest
-        before = (self.now, self.Z.copy()) if self.contacts else None
+        before = (self.now, self.Z.copy()) if self.contacts and self._impulses else None
         times = self.output_times
         if self.end < self._whole_end:
             times = times[: np.searchsorted(times, self.end, "right")]
@@ -265,6 +263,8 @@ class Run:
 
     def _check_walls_distinguishable(self) -> None:
         """Refuse a motion so large that its rounding exceeds the distance of its walls."""
+        if self.structure.narrowest_gap == math.inf:
+            return
         configuration, count = self.configuration, len(self.configuration.free)
         walls = configuration.kernel.walls[:count]
         coordinates = configuration.kernel.watched.coordinate[:count]
@@ -333,7 +333,7 @@ class Run:
     @property
     def all_impacts(self) -> Rows:
         """The table of all impacts."""
-        return np.concatenate(self.impacts)
+        return np.concatenate(self.impacts, dtype=IMPACT)  # told, or found out for each pair
 
     # -- contacts --
 
@@ -436,6 +436,7 @@ class Run:
         """Begin the contacts of coordinates that come to rest, those known to do so among them."""
         for contact, duration in (at_walls.come_to_rest(self.contacts, struck) | known).items():
             rest = ContactInterval(contact, self.now, min(self.now + duration, self._latest))
+            rest.impulse = 0.0 if self._impulses else math.nan
             self.contacts[contact] = rest
             self.intervals.append(rest)
             rest.bounce = at_walls.length(contact)

@@ -246,7 +246,7 @@ class Structure:
     ) -> tuple[Floats, Floats]:
         """Return displacements and velocities (in the basis' time) of a state, each (dof,)."""
         basis, modes = configuration.basis, configuration.basis.modes
-        x, v = np.stack(basis.coordinates(z)) @ modes.shapes.T
+        x, v = np.array(basis.coordinates(z)) @ modes.shapes.T
         still = modes.base + modes.shapes @ basis.still if basis.still.any() else modes.base
         return (x + still if level else x), v
 
@@ -265,7 +265,7 @@ class Structure:
         """
         basis, modes = configuration.basis, configuration.basis.modes
         place = x if loads is None else x - modes.base
-        q, rate = np.stack([place, v]) @ modes.weighted  # one pass over a large matrix
+        q, rate = np.array([place, v]) @ modes.weighted  # one pass over a large matrix
         return basis.pairs_of(q if loads is None else q - basis.still, rate, loads)
 
     def level(self, configuration: Configuration) -> Floats:

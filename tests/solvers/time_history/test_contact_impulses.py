@@ -64,6 +64,21 @@ def test_a_driven_mass_on_its_wall_in_closed_form() -> None:
     assert (result.contact_impulse > 0.0).all()
 
 
+def test_impulses_that_are_not_asked_for_change_nothing_else() -> None:
+    """A driven mass that rests, strikes and rests: the same motion to the last bit."""
+    system = presets.oscillator([Constraint((0,), (1.0,), None, 0.3, 0.6)], 1.0)
+    given = {"load": (th.Harmonic(0, 0.8, 0.4, 0.2),), "estimate": False}
+    asked = solve(system, [0.0], [1.0], 60.0, **given)
+    other = solve(system, [0.0], [1.0], 60.0, contact_impulses=False, **given)
+    assert asked.contact_impulse is not None
+    assert other.contact_impulse is not None
+    assert asked.contact_impulse.size > 2
+    assert np.isfinite(asked.contact_impulse).all()
+    assert np.isnan(other.contact_impulse).all()
+    for name in ("contact_start", "contact_rest", "contact_stop", "impact_time", "impact_impulse"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(asked, name))
+
+
 def test_a_wall_carries_what_an_accelerated_mass_presses_by_its_coupling() -> None:
     """x1 moves as a + b t + c t^2/2 while x0 rests at its wall, which carries f0 - 2 g - x1."""
     g, a, b, f0, f1, t_end = 0.1, 0.2, 0.3, 5.0, 0.5, 1.0
