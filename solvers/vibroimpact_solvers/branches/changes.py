@@ -188,8 +188,9 @@ class Changing(Contacts):
         graze = point(s)
         if not -1e-12 <= graze[-1] <= 1.0 + 1e-12:
             return None
-        error = self._error(lambda t: point((2.0 * t - 1.0) * reach), touch, begin.time,
-                            0.5 * (s / reach + 1.0))
+        error = self._error(
+            lambda t: point((2.0 * t - 1.0) * reach), touch, begin.time, 0.5 * (s / reach + 1.0)
+        )
         direction = -math.copysign(1.0, slope) * tangent
         return Change(None, error, Type.GRAZING, (self, graze, direction))
 
@@ -269,9 +270,7 @@ class Changing(Contacts):
     def _rounding(self, x: Floats) -> float:
         return 16.0 * EPS * (abs(self.value(x)) + abs(self.span))
 
-    def _onward(
-        self, x: Floats, touch: Touch, at: Peak
-    ) -> tuple[Changing, Floats, Floats] | None:
+    def _onward(self, x: Floats, touch: Touch, at: Peak) -> tuple[Changing, Floats, Floats] | None:
         """Return the curve with two switchings more, a point of it, and the direction to go."""
         one = self.motion(x)
         damped = one.cell.scenes.stop(touch.constraint, touch.side).damping > 0.0

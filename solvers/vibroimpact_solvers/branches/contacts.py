@@ -379,9 +379,7 @@ class Contacts(Curve):
             if mirrored:
                 both = Impact(base.constraint, 1), Impact(base.constraint, -1)
                 return replace(base, sequence=both, phases=None)
-            return replace(
-                base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None
-            )
+            return replace(base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None)
 
         new = type(self)(
             self.problem, motions, self.structures, self.before, self.switchings * times
@@ -426,5 +424,3 @@ def nothing(problem: Problem, structures: Structures, x: float) -> Columns:
     except ModelError as error:
         raise error.under("base") from None
     return orbit_columns.of(motions, structures.at(value), []) | no_impacts()
-
-

@@ -301,9 +301,7 @@ class Impacts(Curve):
             if mirrored:
                 both = Impact(base.constraint, 1), Impact(base.constraint, -1)
                 return replace(base, sequence=both, phases=None)
-            return replace(
-                base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None
-            )
+            return replace(base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None)
 
         new = Impacts(self.problem, motions)
         new.impulse, new.largest_seed = self.impulse, self.largest_seed

@@ -198,5 +198,3 @@ def _stacked(parts: Sequence[columns.Columns]) -> dict[str, Any]:
     whole |= {name: np.concatenate(each) for name, each in owners.items()}
     whole["solution_frequency_index"] = np.arange(rows)
     return whole
-
-
