@@ -180,10 +180,10 @@ def test_laws_of_powers_in_requests(tmp_path: Path) -> None:
         alone = local.time_history(vi.chain(3, [stop]), START, 6.0, t=4, outputs=outputs)
         np.testing.assert_array_equal(grid.force[place], alone.force)
         assert grid.contact_count[place] == alone.contacts.start.size
-    members = local.ensemble(
+    together = local.ensemble(
         base["system"], [START[0]] * 2, [START[1], [2.0, 0.0, 0.0]], 6.0, t=4, outputs=outputs
     )
-    np.testing.assert_array_equal(members.force[0], grid.force[1])
+    np.testing.assert_array_equal(together.force[0], grid.force[1])
 
 
 @pytest.mark.parametrize(

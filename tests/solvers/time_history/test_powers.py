@@ -297,10 +297,10 @@ def test_an_ensemble_is_its_motions_alone() -> None:
     assert together.contact_count is not None
     assert together.contact_impulse is not None
     assert together.contact_offset is not None
-    for member in (0, 7, 39):
-        alone = motion(system, [0.0], v[member], 6.0, count=4)
-        np.testing.assert_array_equal(together.x[member], alone.x)
-        first, count = together.contact_offset[member], together.contact_count[member]
+    for row in (0, 7, 39):
+        alone = motion(system, [0.0], v[row], 6.0, count=4)
+        np.testing.assert_array_equal(together.x[row], alone.x)
+        first, count = together.contact_offset[row], together.contact_count[row]
         np.testing.assert_array_equal(
             together.contact_impulse[first : first + count], alone.contact_impulse
         )
