@@ -57,7 +57,7 @@ def duration(modes: Modes, count: int, stiffness: float, *, residual: bool) -> f
         system, np.array([1.2 * kept[0]]), load, sequence=(driven.Impact(0, 1),),
         outputs=frozenset({"exists", "stability"}),
     )  # fmt: skip
-    result = driven.solve(problem, driven.plan(problem))
+    result: Any = driven.solve(problem, driven.plan(problem))
     rows_ = np.flatnonzero(result.solution_exists & (result.solution_contacts == 1))
     (row_,) = rows_[result.solution_stability[rows_] < 1.0]
     (contact,) = np.flatnonzero(result.contact_solution == row_)
