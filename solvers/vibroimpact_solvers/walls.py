@@ -64,7 +64,7 @@ class Samples:
             if not all(abs(value) <= LARGEST for value in getattr(self, name)):
                 message = "a number is nan, infinite or too large"
                 raise ModelError((name,), message, code="out_of_range")
-        if not (np.diff(self.t) > 0.0).all():
+        if not (np.diff(np.array(self.t)) > 0.0).all():
             raise ModelError(("t",), "the times do not ascend", code="not_ascending")
 
 

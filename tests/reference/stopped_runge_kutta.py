@@ -66,7 +66,7 @@ class StoppedMotion:
         some, cs = sorted(loaded), self.system.constraints
         if some:
             # F = k (d - s delta s F) + c d', all stops at once
-            laws = [cs[a].law for a, _ in some]
+            laws: list[Any] = [cs[a].law for a, _ in some]
             signs, which = np.array([s for _, s in some]), [a for a, _ in some]
             k = np.array([law.stiffness for law in laws])
             c = np.array([law.damping or 0.0 for law in laws])

@@ -18,14 +18,14 @@ ALL = frozenset(driven.OUTPUTS)
 UPPER = driven.Impact(0, 1)
 
 
-def motions(system: System, Omega: float, load: Any, sequence: Any = (UPPER,)) -> driven.Result:
+def motions(system: System, Omega: float, load: Any, sequence: Any = (UPPER,)) -> Any:
     problem = driven.Problem(
         system, np.array([Omega]), load, sequence=sequence, outputs=ALL, tau=np.array([0.0, 0.5])
     )
     return driven.solve(problem, driven.plan(problem))
 
 
-def settled(system: System, Omega: float, load: Any, turns: int) -> time_history.Result:
+def settled(system: System, Omega: float, load: Any, turns: int) -> Any:
     """Return the last period of a long motion from rest, and its contacts."""
     zero, T = np.zeros(system.n), 2.0 * math.pi / Omega
     terms = tuple(

@@ -72,7 +72,7 @@ def random_case(seed: int) -> tuple[System, Any, Any, Any, list[float]]:
     return in_series(system, delta), delta, rng.normal(size=n) * 0.3, rng.normal(size=n), breaks
 
 
-def solved(system: System, x: Any, v: Any, times: Any, **more: Any) -> time_history.Result:
+def solved(system: System, x: Any, v: Any, times: Any, **more: Any) -> Any:
     problem = time_history.Problem(
         system, time_history.State(x, v), float(times[-1]), t=times, **({"outputs": ALL} | more)
     )

@@ -41,7 +41,7 @@ def random_case(seed: int) -> tuple[System, Any, Any, Any]:
     return in_series(system, delta), delta, rng.normal(size=n) * 0.3, rng.normal(size=n)
 
 
-def solved(system: System, x: Any, v: Any, times: Any, **more: Any) -> time_history.Result:
+def solved(system: System, x: Any, v: Any, times: Any, **more: Any) -> Any:
     problem = time_history.Problem(
         system, time_history.State(x, v), float(times[-1]), t=times, **({"outputs": ALL} | more)
     )
@@ -71,8 +71,8 @@ def test_motions_are_those_of_a_runge_kutta_method(seed: int) -> None:
         forces, _ = reference.forces(reference.consistent(t, states[k]), t, states[k])
         for a in range(len(delta)):
             true = forces.get((a, 1), 0.0) + forces.get((a, -1), 0.0)
-            size = system.constraints[a].law.stiffness
-            assert abs(result.force[k, a] - true) <= result.error_force[k, a] + size * own
+            law: Any = system.constraints[a].law
+            assert abs(result.force[k, a] - true) <= result.error_force[k, a] + law.stiffness * own
 
 
 @pytest.mark.parametrize("seed", [0, 3, 6, 9])

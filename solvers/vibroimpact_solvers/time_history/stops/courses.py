@@ -81,7 +81,7 @@ class Course:
         """Return the courses as loaded stops in series with a residual flexibility show them."""
         if shares is None or not self.moves:
             return self
-        some, parts = [*loaded], []
+        some, parts = [*loaded], list[Floats]()
         for part in (self.cosine, self.sine, self.ramps):
             moved = shares @ part[some]
             kept = part + moved
