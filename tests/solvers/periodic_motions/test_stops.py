@@ -12,8 +12,8 @@ import scipy.linalg
 
 from tests.reference.balls import Structure
 from tests.reference.stopped import Stop, StoppedMotion
-from vibroimpact_solvers import spectrum
 from vibroimpact_solvers import periodic_motions as driven
+from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
