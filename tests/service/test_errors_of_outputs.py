@@ -254,7 +254,7 @@ def test_errors_are_absolute_and_broadcast(settings: Settings, queue: Any, kind:
             compared |= check(of, answer.json())
     if kind != "sweep":
         paths = {field.path for name, field in measured() if name == kind}
-        if kind == "branches":  # of rigid stops alone: a table of periodic motions it never has
+        if kind == "branches":  # the examples have rigid stops
             paths = {path for path in paths if not path.startswith("contact/")}
         assert compared == paths
 

@@ -18,7 +18,6 @@ from typing import Final, Self
 
 import numpy as np
 
-from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.branches.bordered import (
     Bordered,
@@ -28,6 +27,7 @@ from vibroimpact_solvers.branches.bordered import (
 )
 from vibroimpact_solvers.branches.curve import Curve, Equations, Place, Tests
 from vibroimpact_solvers.branches.problem import Problem
+from vibroimpact_solvers.branches.structures import Structures
 from vibroimpact_solvers.errors import ConvergenceError, ModelError
 from vibroimpact_solvers.periodic_motions import Impact
 from vibroimpact_solvers.periodic_motions import Problem as Motions
@@ -44,40 +44,15 @@ from vibroimpact_solvers.periodic_motions.stops.orbits import (
     orbit,
     scenes_of,
 )
-from vibroimpact_solvers.periodic_motions.stops.scenes import Cell, Loaded, Scenes
+from vibroimpact_solvers.periodic_motions.stops.scenes import Cell, Loaded
 from vibroimpact_solvers.results.branches import Type
 
-_KEPT: Final = 4  # structures
+_KEPT: Final = 4  # motions
 _BACKWARDS: Final = 0.02  # of the period, by which switchings may be in the wrong order meanwhile
 _SAME: Final = 1e-6  # difference of phases of equal motions
 _MOST: Final = 128  # switchings of a period
 _STILL: Final = 0.01  # of the range: longest step of a motion in which no stop switches
 _TOGETHER: Final = 16  # motions of one structure whose columns are computed at once
-
-
-class Structures:
-    """The structures at values of the parameter, which all curves of a problem share."""
-
-    def __init__(self, problem: Problem) -> None:
-        self._problem, self._only = problem, None
-        self.scenes = lru_cache(1 if problem.frequency else _KEPT)(self._at)
-        self._longest = 0.0
-        if problem.frequency:
-            ends = [problem.at(value).Omega[0] for value in (problem.start, problem.stop)]
-            self._longest = 2.0 * math.pi / float(min(ends))
-
-    def at(self, value: float) -> Scenes:
-        """Return the structure, which stays the same where the frequency varies."""
-        return self.scenes(self._problem.start if self._problem.frequency else value)
-
-    def _at(self, value: float) -> Scenes:
-        motions = self._problem.at(value)
-        longest = self._longest or 2.0 * math.pi / float(motions.Omega[0])
-        method = spectrum.choose(motions.system)
-        try:
-            return Scenes(motions.system, motions.forces(), longest, method)
-        except ModelError as error:
-            raise error.under("base") from None
 
 
 class Contacts(Curve):

@@ -7,10 +7,10 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.branches.changes import Changing
-from vibroimpact_solvers.branches.contacts import Structures
 from vibroimpact_solvers.branches.curve import Curve
 from vibroimpact_solvers.branches.impacts import Impacts
 from vibroimpact_solvers.branches.problem import Problem
+from vibroimpact_solvers.branches.structures import Structures
 from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.periodic_motions.stops import sequences

@@ -10,11 +10,11 @@ from numpy.typing import DTypeLike
 
 from vibroimpact_solvers.arrays import along, nothing
 from vibroimpact_solvers.branches import contacts, linear_response, seeds
-from vibroimpact_solvers.branches.contacts import Structures
 from vibroimpact_solvers.branches.following import Branch, followed
 from vibroimpact_solvers.branches.impacts import Impacts
 from vibroimpact_solvers.branches.problem import Problem
 from vibroimpact_solvers.branches.special import part_of_segment
+from vibroimpact_solvers.branches.structures import Structures
 from vibroimpact_solvers.branches.switching import outwards
 from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.meter import metered

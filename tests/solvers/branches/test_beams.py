@@ -7,7 +7,7 @@ import pytest
 
 from tests.solvers.beams import OMEGA, cantilever
 from vibroimpact_solvers import branches, periodic_motions
-from vibroimpact_solvers.branches.curve import Curve
+from vibroimpact_solvers.branches.impacts import Impacts
 from vibroimpact_solvers.periodic_motions import Force, Problem
 
 OUTPUTS = frozenset({"exists", "stability"})
@@ -27,13 +27,13 @@ def test_a_branch_passes_through_the_motions_of_the_closed_form(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Newton's method reaches each of them in a few steps: its matrix is as good as exact."""
-    evaluations, evaluate = list[int](), Curve._equations_at
+    evaluations, evaluate = list[int](), Impacts._equations_at
 
-    def counted(curve: Curve, point: bytes) -> object:
+    def counted(curve: Impacts, point: bytes) -> object:
         evaluations.append(1)
         return evaluate(curve, point)
 
-    monkeypatch.setattr(Curve, "_equations_at", counted)
+    monkeypatch.setattr(Impacts, "_equations_at", counted)
     problem = _problem()
     result = branches.solve(problem, branches.plan(problem))
     struck = np.flatnonzero(result.solution_impacts)

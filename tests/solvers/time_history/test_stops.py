@@ -358,7 +358,7 @@ def test_kinds_refuse_laws_that_they_do_not_offer(kind: str, make: Any) -> None:
     assert refused.value.pointer == ("system", "constraints", 0, "law")
     assert refused.value.message == (
         f"{kind} is computed with rigid stops; constraint 0 has a linear one, which is offered by "
-        "time-history, ensemble, periodic-motions and attractors"
+        "time-history, ensemble, periodic-motions, branches and attractors"
     )
 
 
