@@ -240,7 +240,8 @@ def require(kind: str, constraints: Sequence[Any]) -> None:
     ModelError
         Naming the law of the first of them.
     """
-    walls.require(kind, constraints)
+    if any(constraint.wall for constraint in constraints):
+        walls.require(kind, constraints)
     offered = OFFERED.get(kind, frozenset({Rigid.name}))
     for index, constraint in enumerate(constraints):
         if constraint.law.name not in offered:
