@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact.arguments import number, real
+from vibroimpact.arguments import number
 from vibroimpact.plain import plain
+from vibroimpact_schema.imaginary import real
 
 
 def unknowns(given: Any) -> list[dict[str, Any]]:

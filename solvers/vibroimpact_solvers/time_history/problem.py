@@ -287,6 +287,13 @@ class Problem:
             raise ModelError(
                 ("system", "constraints", dashpot, "law"), message, code="not_possible"
             )
+        moved = next((i for i, c in enumerate(constraints) if c.wall), None)
+        if self.powered and moved is not None:
+            message = "walls do not move in structures with hertz or power stops"
+            raise ModelError(("system", "constraints", moved, "wall"), message, code="not_possible")
+        if self.powered and self.system.flexibility is not None:
+            message = "there is no residual flexibility in structures with hertz or power stops"
+            raise ModelError(("system", "residual_flexibility"), message, code="not_possible")
         if rigid is not None:
             message = (
                 "rigid stops beside stops of finite stiffness are not computed: all are rigid, or "

@@ -165,7 +165,8 @@ def _felt(
     laws["grain"] = (np.abs(forms)[..., felt] / weights[felt]).sum(axis=(1, 2))
     if errors is not None:
         kicks = kicks + _EPS * errors
-    return Limiters(*map(np.ascontiguousarray, (forms, slopes, kicks)), laws)
+    forms, slopes, kicks = map(np.ascontiguousarray, (forms, slopes, kicks))
+    return Limiters(forms, slopes, kicks, laws)
 
 
 def _kick_errors(scene: Configuration) -> Floats:

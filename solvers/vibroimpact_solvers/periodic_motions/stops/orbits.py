@@ -186,8 +186,8 @@ class Orbit:
 
 def _closed(matrix: Floats, r: Floats) -> tuple[Floats, Floats]:
     """Return the inverse of ``1 - A``, and the state at the beginning."""
-    inverse = np.linalg.inv(matrix)
-    return inverse, inverse @ r
+    inverse: Floats = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    return inverse, np.asarray(inverse @ r)
 
 
 def orbit(
