@@ -25,14 +25,14 @@ class Line:
     ----------
     state : str
         stable, neutral, unstable or phantom.
-    impacts : int
-        Impacts per period.
+    count : int
+        Impacts per period, or contacts with stops that yield.
     x, y : list of float
         Parameter, and height in the plot.
     """
 
     state: str
-    impacts: int
+    count: int
     x: list[float] = field(default_factory=list)
     y: list[float] = field(default_factory=list)
 
@@ -51,6 +51,22 @@ class Point:
     y: float
     row: int
     exists: bool
+
+
+def struck(rows: Any) -> tuple[Array, str]:
+    """Return how often stops are struck in a period, shape (solution,), and what that is called.
+
+    Parameters
+    ----------
+    rows : Table
+        Solutions of a result.
+    """
+    return (rows.contacts, "contact") if "contacts" in rows else (rows.impacts, "impact")
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number of impacts or contacts in words."""
+    return f"no {noun}" if count == 0 else f"{count} {noun}{'s' if count > 1 else ''}"
 
 
 def stability_of(rows: Any) -> Array:
@@ -122,26 +138,31 @@ def branch_lines(
     height : array, shape (solution,)
     """
     rows, on = result.solution, dict[int, list[Point]]()
+    counts, _ = struck(rows)
     for point in special_points(result, height):
         on.setdefault(point.row, []).append(point)
     for branch in np.unique(rows.branch):
         mine = np.flatnonzero(rows.branch == branch)
-        count, how, there = int(rows.impacts[mine[0]]), stability[mine[0]], exists[mine[0]]
+        count, how, there = int(counts[mine[0]]), stability[mine[0]], exists[mine[0]]
         line = Line(_state(how, there), count)
         for row, after in itertools.pairwise(mine):
             line.add(rows.parameter[row], height[row])
             # Where nothing was located, the middle is as likely as any other place.
             x, y = (0.5 * (each[row] + each[after]) for each in (rows.parameter, height))
             points = on.get(int(row), [])
-            changing = bool(how != stability[after] or there != exists[after])
+            changing = bool(
+                how != stability[after] or there != exists[after] or count != counts[after]
+            )
             here = points or [Point("", float(x), float(y), int(row), True)] * changing
             turning = _change(here, _OF_STABILITY, first=how != "unstable")
             passing = _change(here, _OF_EXISTENCE, first=there)
+            touching = _change(here, ("grazing",), first=True)
             for point in here:
                 line.add(point.x, point.y)
                 how = stability[after] if point is turning else how
                 there = exists[after] if point is passing else there
-                if line.state != _state(how, there):
+                count = int(counts[after]) if point is touching else count
+                if (line.state, line.count) != (_state(how, there), count):
                     yield line
                     line = Line(_state(how, there), count, [point.x], [point.y])
         line.add(rows.parameter[mine[-1]], height[mine[-1]])

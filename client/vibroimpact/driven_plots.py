@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.branch_lines import branch_lines, special_points, stability_of
+from vibroimpact.branch_lines import (
+    branch_lines,
+    counted,
+    special_points,
+    stability_of,
+    struck,
+)
 from vibroimpact.motion_plots import column_of
 from vibroimpact.result_file import ResultFile
 from vibroimpact.style import (
@@ -43,10 +49,9 @@ def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None)
     states = stability_of(rows)
     apart = rows.frequency_index % max(1, round(result.Omega.size / _OPEN_MARKS)) == 0
     ax.plot(x[~exists], height[~exists], ".", color=PHANTOM, markersize=2, zorder=1)
-    counts, noun = (rows.contacts, "contact") if "contacts" in rows else (rows.impacts, "impact")
+    counts, noun = struck(rows)
     for place, count in enumerate(np.unique(counts)):
         color, mark = SERIES[place % len(SERIES)][0], "osD^v"[place % 5]
-        name = f"no {noun}" if count == 0 else f"{count} {noun}{'s' if count > 1 else ''}"
         mine = exists & (counts == count)
         for state, some, fill in (
             ("stable", mine, "full"), ("neutral", mine, "left"), ("unstable", mine & apart, "none"),
@@ -57,7 +62,7 @@ def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None)
                 markerfacecoloralt="white", markeredgewidth=0.6, zorder=2,
             )  # fmt: skip
         if mine.any():
-            ax.plot([], [], mark, color=color, markersize=3, label=name)
+            ax.plot([], [], mark, color=color, markersize=3, label=counted(count, noun))
     for state, fill in (("neutral", "left"), ("unstable", "none")):
         if (exists & (states == state)).any():
             ax.plot(
@@ -103,12 +108,13 @@ def branches(result: ResultFile, dof: int | None = None, ax: Axes | None = None)
         if np.ptp(line.x) or np.ptp(line.y):
             drawn.add(line.state)
         style, width = _LINES[line.state]
-        color = PHANTOM if line.state == "phantom" else SERIES[line.impacts % len(SERIES)][0]
+        color = PHANTOM if line.state == "phantom" else SERIES[line.count % len(SERIES)][0]
         order = 1 if line.state == "phantom" else 2
         ax.plot(line.x, line.y, linestyle=style, linewidth=width, color=color, zorder=order)
-    for count in np.unique(rows.impacts[exists]):
-        name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''}"
-        ax.plot([], [], "-", color=SERIES[count % len(SERIES)][0], label=name)
+    counts, noun = struck(rows)
+    for count in np.unique(counts[exists]):
+        label = counted(count, noun)
+        ax.plot([], [], "-", color=SERIES[count % len(SERIES)][0], label=label)
     for state in ("neutral", "unstable"):
         if state in drawn:
             ax.plot([], [], linestyle=_LINES[state][0], color="black", linewidth=1.2, label=state)

@@ -12,7 +12,7 @@ from matplotlib import pyplot
 
 import vibroimpact as vi
 from vibroimpact import plots
-from vibroimpact.branch_lines import branch_lines, special_points, stability_of
+from vibroimpact.branch_lines import branch_lines, counted, special_points, stability_of, struck
 
 pytestmark = pytest.mark.needs("processes")
 
@@ -58,6 +58,23 @@ def test_a_line_ends_at_the_flip_and_not_at_a_motion() -> None:
     assert _lines(result) == [
         ("stable", [0.0, 1.0, 1.25], [0.0, 10.0, 12.5]),
         ("unstable", [1.25, 2.0, 3.0], [12.5, 20.0, 30.0]),
+    ]
+
+
+def test_a_line_changes_where_a_contact_is_born() -> None:
+    contacts = np.array([1, 1, 2, 2])
+    result = _branch([0.5] * 4, ("grazing", 1.25, 1, 0.25), contacts=contacts, impacts=0 * contacts)
+    rows, there = result.solution, np.ones(4, dtype=bool)
+    lines = [*branch_lines(result, stability_of(rows), there, 10.0 * rows.parameter)]
+    assert [(line.count, line.x) for line in lines] == [
+        (1, [0.0, 1.0, 1.25]),
+        (2, [1.25, 2.0, 3.0]),
+    ]
+    counts, noun = struck(rows)
+    assert [counted(count, noun) for count in (0, *np.unique(counts))] == [
+        "no contact",
+        "1 contact",
+        "2 contacts",
     ]
 
 
