@@ -269,14 +269,9 @@ def existence_bands(request: requests.ExistenceBandsRequest, of: System) -> band
     grid = request.frequency
     factor = to_fundamental(grid.unit, of.units)
     return bands.Problem(
-        of,
-        grid.start * factor,
-        grid.stop * factor,
-        tuple(request.active or ()),
-        frozenset(request.outputs),
-        request.tolerance,
-        request.resolution,
-    )
+        of, grid.start * factor, grid.stop * factor, tuple(request.active or ()),
+        frozenset(request.outputs), request.tolerance, request.resolution,
+    )  # fmt: skip
 
 
 def resonances(request: requests.ResonancesRequest, of: System) -> held.Problem:
