@@ -188,11 +188,11 @@ class System:
         Set by `presets.chain`: the natural modes are known in closed form.
     influence : array, shape (n,), optional
         Displacements by a unit displacement of the base.
-    flexibility : array, shape (constraint, constraint), optional
-        In series with the stops (`flexibility`, set by `in_series`); other limiters have none.
 
     Attributes
     ----------
+    flexibility : array, shape (constraint, constraint), optional
+        In series with the stops (`flexibility`, set by `in_series`); other limiters have none.
     n : int
         Number of degrees of freedom.
     massless : array of int
