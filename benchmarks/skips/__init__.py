@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from benchmarks.skips import impact_modes, motions, natural, sweeps
+from benchmarks.skips import calibrations, impact_modes, motions, natural, sweeps
 from benchmarks.skips.scene import Scene, timed
 from benchmarks.tables import Table
 
 
 def scenes() -> Iterator[Scene]:
     """Yield the scenes."""
-    for kind in (impact_modes, motions, natural, sweeps):
+    for kind in (impact_modes, motions, natural, sweeps, calibrations):
         yield from kind.scenes()
 
 

@@ -87,6 +87,10 @@ UNMEASURED = {
     "impact-modes: impulse, bordered",
     "periodic-motions: waveform, superposition",
     "slow-flow: slow_flow, quadrature",
+    # Of calibrations, whose work is nearly all that of their bases.
+    "natural-frequencies: fit, trust region, derivatives",
+    "natural-frequencies: profile, profile likelihood",
+    "natural-frequencies: derivatives, rates of the modes",
     # Of the impact modes from which histories begin.
     "time-history: existence, certified",
     "time-history: impulse, scalar",

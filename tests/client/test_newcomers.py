@@ -50,9 +50,10 @@ def test_a_mistake_is_told_with_what_is_meant(mistake: Any, told: str) -> None:
 
 
 def test_a_reduction_is_told_nodes_with_directions() -> None:
-    for keep in ([0], ["0x"], [(0, "x", 1.0)]):
+    labels = [(17, "z"), (18, "z")]
+    for keep in ([17], ["17z"], [(17, "z", 1.0)]):
         with pytest.raises(TypeError, match=r'pairs such as \(17, "z"\)'):
-            vi.reduce(vi.Model(M, K), keep, modes=1)  # type: ignore[arg-type]
+            vi.reduce(vi.Model(M, K, labels=labels), keep, modes=1)  # type: ignore[arg-type]
 
 
 def test_one_mass_may_be_given_as_numbers() -> None:

@@ -23,7 +23,7 @@ from vibroimpact.models.model import Model
 from vibroimpact.models.nodes import Nodes
 from vibroimpact_schema.files.labels import DIRECTIONS, Label
 from vibroimpact_schema.files.readers import READERS as SHARED
-from vibroimpact_schema.files.readers import Reader, read
+from vibroimpact_schema.files.readers import Reader, read, reader_of
 from vibroimpact_schema.files.structures import File, fit, once_each, select, together
 from vibroimpact_schema.files.symmetry import ROUNDING
 
@@ -200,6 +200,7 @@ def _read(path: Path, name: str, names: Mapping[str, str] | None) -> File:
     """Return the matrices of a file as M, K and C; `name`: which one it is to give."""
     labels = label_files.beside(path)
     try:
+        reader_of(path.name, READERS)  # before the file is looked at
         content = read(path.name, path.read_bytes(), known=READERS)
         file = select(str(path), content, name, names)
     except ValueError as error:

@@ -44,6 +44,20 @@ READERS: Final[Mapping[str, Reader]] = {
 }
 
 
+def reader_of(name: str, known: Mapping[str, Reader] = READERS) -> Reader:
+    """Return the reader of a file, by the ending of its name.
+
+    Raises
+    ------
+    ValueError
+        Where the ending is none of those known.
+    """
+    reader = known.get(file_bytes.suffix(name))
+    if reader is None:
+        raise ValueError(f"known are files ending in {', '.join(known)}")
+    return reader
+
+
 def read(
     name: str, data: bytes, bounds: Bounds = LOCAL, known: Mapping[str, Reader] = READERS
 ) -> Content:
@@ -65,7 +79,4 @@ def read(
     ValueError
         If its format is not known, or it has another, with the line or the byte at fault.
     """
-    reader = known.get(file_bytes.suffix(name))
-    if reader is None:
-        raise ValueError(f"known are files ending in {', '.join(known)}")
-    return reader(file_bytes.unpacked(name, data, bounds), bounds)
+    return reader_of(name, known)(file_bytes.unpacked(name, data, bounds), bounds)

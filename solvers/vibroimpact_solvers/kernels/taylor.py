@@ -121,6 +121,7 @@ class _Work(NamedTuple):
     end: Floats  # (2, pair): the change of the state within a step
     inverse: Floats  # (term + 1,): 1/k, 0 for k = 0
     branches: Any  # (wall,) of BRANCH
+    contacts: Contacts
 
 
 @inline
@@ -323,7 +324,6 @@ def _steps(
     z: Floats,
     lost: Floats,
     samples: Floats,
-    contacts: Contacts,
 ) -> int:
     """Take steps to the end of a motion; arguments as of `follow`."""
     branches, order, h = work.branches, work.series.shape[0] - 1, progress.step
@@ -331,7 +331,7 @@ def _steps(
     for i in range(branches.size):
         steepest = max(steepest, limiters.laws[i].exponent)
     spread, deepest, stop = rounding_spread(order, steepest), progress.deepest, 0
-    phases, lasting = contacts.phases, contacts.lasting
+    phases, lasting = work.contacts.phases, work.contacts.lasting
     last_step = progress.steps + progress.most
     shortest = _SHORTEST * progress.end
     rest = (progress.end - progress.time) - progress.lost
@@ -400,8 +400,7 @@ def _steps(
 def follow(
     linear: Linear,
     limiters: Limiters,
-    order: int,
-    error: float,
+    precision: tuple[int, float],
     output_times: Floats,
     progress: Any,
     z: Floats,
@@ -415,10 +414,9 @@ def follow(
     ----------
     linear : Linear
     limiters : Limiters
-    order : int
-        Of the series; at least 4.
-    error : float
-        Of a step, relative to the size of the state.
+    precision : tuple
+        The order of the series, at least 4, and the error of a step, relative to the size of the
+        state.
     output_times : array, shape (time,)
         Ascending times of the samples.
     progress : record of `PROGRESS`
@@ -427,10 +425,11 @@ def follow(
     samples : array, shape (time, 2, pair)
     contacts : Contacts
     """
+    order, error = precision
     n, terms = z.shape[1], order + 1
     inverse = np.zeros(order + 2)
     for k in range(1, order + 2):
         inverse[k] = 1.0 / k
     branches = np.zeros(limiters.laws.size, BRANCH)
-    work = _Work(np.zeros((terms, 2, n)), np.zeros((2, n)), inverse, branches)
-    return _steps(linear, limiters, work, error, output_times, progress, z, lost, samples, contacts)
+    work = _Work(np.zeros((terms, 2, n)), np.zeros((2, n)), inverse, branches, contacts)
+    return _steps(linear, limiters, work, error, output_times, progress, z, lost, samples)

@@ -37,9 +37,8 @@ def whole_soft_motion(
     output_times: Floats,
     progress: Any,
     start: tuple[Floats, Floats],
-    work: tuple[Floats, Floats, Floats],
+    work: tuple[Floats, Floats, Floats, Contacts],
     history: tuple[Floats, Floats],
-    contacts: Contacts,
 ) -> int:
     """Compute a motion; return why it stopped, as `kernels.taylor.follow` does, or `REFUSED`.
 
@@ -55,22 +54,18 @@ def whole_soft_motion(
         The order of the series, and the error of a step.
     start : tuple of array, each of shape (dof,)
         Initial displacements and velocities.
-    work : tuple of array, of shapes (2, pair), (2, pair) and (time, 2, pair)
-        z, lost and samples of `kernels.taylor.follow`.
+    work : tuple
+        z, lost, samples and contacts of `kernels.taylor.follow`.
     history : tuple of array, each of shape (time, dof)
         Displacements and velocities at the first of the output times, filled in at the end.
-    contacts : Contacts
-        See `kernels.taylor.follow`.
     """
-    (x, v), (xs, vs), (order, error), (z, lost, samples) = start, history, precision, work
+    (x, v), (xs, vs), (z, lost, samples, contacts) = start, history, work
     modal = modal_of(modes)
     if progress.steps == 0:
         if not state_of(modal, x, v, z, lost):
             return REFUSED
         lost[:] = 0.0
-    stop = follow(
-        linear, limiters, order, error, output_times, progress, z, lost, samples, contacts
-    )
+    stop = follow(linear, limiters, precision, output_times, progress, z, lost, samples, contacts)
     block, sums = np.empty((2 * SAMPLES, modal.place.size)), np.empty(2 * SAMPLES * xs.shape[1])
     if stop != _END:
         return stop

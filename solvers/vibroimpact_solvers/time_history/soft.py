@@ -207,12 +207,13 @@ class SoftMotion:
         error, shape = self._error, (self._times.size - 1, self._dofs.size)
         order, state = order_of(error), (2, self._basis.pairs)
         progress, history = self._progress(order), (np.empty(shape), np.empty(shape))
-        work = np.empty(state), np.empty(state), np.empty((self._times.size, *state))
+        samples = np.empty((self._times.size, *state))
+        work = np.empty(state), np.empty(state), samples, self._no_contacts
         stop: int = Stop.BUDGET
         while stop == Stop.BUDGET:
             stop = whole_soft_motion(
                 self._modes, self._linear, self._limiters, (order, error), self._times, progress,
-                (x, v), work, history, self._no_contacts,
+                (x, v), work, history,
             )  # fmt: skip
             if stop == Stop.BUDGET and self._is_too_long(progress):
                 return None
@@ -312,7 +313,15 @@ class SoftMotion:
         segment = self._begin_segment(0, progress, state)
         while True:
             stop = follow(
-                linear, limiters, order, error, self._times, progress, state, lost, states, contacts
+                linear,
+                limiters,
+                (order, error),
+                self._times,
+                progress,
+                state,
+                lost,
+                states,
+                contacts,
             )
             if stop == Stop.END and progress["end"] >= self._end:
                 cut = _LEFT_OUT * math.sqrt(float(progress["cut"]))

@@ -89,7 +89,7 @@ def _structures(*_: Any) -> Tally:
 
 
 def _steps(_: Any, *args: Any) -> Tally:
-    yield "steps between soft limiters", int(args[5]["steps"])
+    yield "steps between soft limiters", int(args[4]["steps"])
 
 
 def _history(_: Any, structure: Any, motion: Any, work: Any, modal: Any, *rest: Any) -> Tally:

@@ -140,6 +140,8 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
         MODES: (13, 3 * 13),
         MAPS: (275, 3 * 275),
     },
+    # One mode an evaluation; an end of an interval takes one more.
+    "no interval of a calibration requested": {MODES: (58, 60), ROWS: (4, 6)},
     "64 initial states, N=13": {MODES: (13, 64 * 13), STRUCTURES: (1, 64)},
 }
 
