@@ -172,7 +172,8 @@ def test_a_store_whose_files_have_errors_for_a_while(
     user = User([replica])
     user.submit(tiny(0.69))
     user.check()
-    user.submit(sweep(0.6, 8000), *(tiny(0.7 + i / 100) for i in range(3)))
+    # Of so many pieces that some are left when the errors begin.
+    user.submit(sweep(0.6, 160_000), *(tiny(0.7 + i / 100) for i in range(3)))
     (stored, _), (job, _) = list(user.accepted.values())[:2]
     result = replica.http.get(f"/v1/jobs/{job}").json()["digest"]
     until(lambda: [note for note in record.noted() if note[:2] == ("stored", result)], "no chunk")
