@@ -165,7 +165,7 @@ class Settings(BaseSettings):
     )
     max_result_bytes: int = Field(2**30, ge=1024, description="Largest result.")
     plan_seconds: float = Field(
-        0.1,
+        0.25,
         gt=0,
         description="Processor time of a plan, beside that for its matrices, above which a "
         "request is refused.",
