@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Generic, Literal, Self, TypeVar
 
 from pydantic import ConfigDict, Field, RootModel, field_validator
-from pydantic_core import PydanticCustomError
 
 from vibroimpact_schema import requests
 from vibroimpact_schema.requests import ComputationRequest
+from vibroimpact_schema.sweeps import counted, undifferentiated
 from vibroimpact_schema.systems import AnySystem, SystemReference
 from vibroimpact_schema.values import Document, Number, Numbers, Positive, Positives
 
@@ -120,10 +120,8 @@ class CalibrationOf(Document, Generic[Base]):
     @field_validator("base")
     @classmethod
     def _undifferentiated(cls, base: Base) -> Base:
-        if getattr(base, "derivatives", None) is not None:
-            message = "calibrations differentiate by their unknowns: leave derivatives out"
-            raise PydanticCustomError("no_derivatives", message)
-        return base
+        message = "calibrations differentiate by their unknowns: leave derivatives out"
+        return undifferentiated(base, message)
 
 
 class NaturalFrequenciesCalibration(CalibrationOf[requests.NaturalFrequenciesRequest]):
@@ -136,13 +134,11 @@ class NaturalFrequenciesCalibration(CalibrationOf[requests.NaturalFrequenciesReq
     def _counted(
         cls, base: requests.NaturalFrequenciesRequest
     ) -> requests.NaturalFrequenciesRequest:
-        if base.stop is not None:
-            raise PydanticCustomError(
-                "count_or_stop",
-                "a calibration takes count instead of stop: the number of modes below a frequency "
-                "differs with the unknowns",
-            )
-        return base
+        return counted(
+            base,
+            "a calibration takes count instead of stop: the number of modes below a frequency "
+            "differs with the unknowns",
+        )
 
 
 class ImpactModesCalibration(CalibrationOf[requests.ImpactModesRequest]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Final, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, Final, Generic, Literal, LiteralString, Self, TypeVar
 
 from pydantic import (
     ConfigDict,
@@ -110,6 +110,22 @@ CONTINUED: Final = ("attractors", "time-history")
 """Kinds whose sweeps may start each point where the last ended."""
 
 
+def undifferentiated(base: Base, message: LiteralString) -> Base:
+    """Refuse a base that asks for derivatives itself."""
+    if getattr(base, "derivatives", None) is not None:
+        raise PydanticCustomError("no_derivatives", message)
+    return base
+
+
+def counted(
+    base: requests.NaturalFrequenciesRequest, message: LiteralString
+) -> requests.NaturalFrequenciesRequest:
+    """Refuse a base whose number of modes differs from one point to the other."""
+    if base.stop is not None:
+        raise PydanticCustomError("count_or_stop", message)
+    return base
+
+
 class SweepOf(Document, Generic[Base, Output]):
     """Fields of the sweeps of all kinds."""
 
@@ -146,10 +162,8 @@ class SweepOf(Document, Generic[Base, Output]):
     @field_validator("base")
     @classmethod
     def _undifferentiated(cls, base: Base) -> Base:
-        if getattr(base, "derivatives", None) is not None:
-            message = "sweeps have no derivatives: ask for them at single points"
-            raise PydanticCustomError("no_derivatives", message)
-        return base
+        message = "sweeps have no derivatives: ask for them at single points"
+        return undifferentiated(base, message)
 
 
 class NaturalFrequenciesSweep(
@@ -164,13 +178,11 @@ class NaturalFrequenciesSweep(
     def _counted(
         cls, base: requests.NaturalFrequenciesRequest
     ) -> requests.NaturalFrequenciesRequest:
-        if base.stop is not None:
-            raise PydanticCustomError(
-                "count_or_stop",
-                "a sweep takes count instead of stop: the number of modes below a frequency "
-                "differs from point to point",
-            )
-        return base
+        return counted(
+            base,
+            "a sweep takes count instead of stop: the number of modes below a frequency differs "
+            "from point to point",
+        )
 
 
 class ImpactModesSweep(SweepOf[requests.ImpactModesRequest, requests.ImpactModesOutput]):

@@ -244,7 +244,7 @@ def test_factors_of_scattered_matrices_have_a_time_of_their_own(
     """Bounds of the modes of a full mass matrix take longer than all else in a plan."""
     clock = itertools.count()
     settings = Settings(data=tmp_path)
-    monkeypatch.setattr(planning, "_used", lambda: (1.1 * settings.plan_seconds * next(clock),) * 2)
+    monkeypatch.setattr(planning, "_used", lambda: (0.5 * settings.plan_seconds * next(clock),) * 2)
     mass: Any = {"scalar": 1.0, "n": 500}
     if scattered:
         mass = [[float(i == j) for i in range(500)] for j in range(500)]

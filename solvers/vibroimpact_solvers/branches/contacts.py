@@ -9,10 +9,8 @@ curve (`changes`).
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import lru_cache
 from typing import Final, Self
 
@@ -29,7 +27,6 @@ from vibroimpact_solvers.branches.curve import Curve, Equations, Place, Tests
 from vibroimpact_solvers.branches.problem import Problem
 from vibroimpact_solvers.branches.structures import Structures
 from vibroimpact_solvers.errors import ConvergenceError, ModelError
-from vibroimpact_solvers.periodic_motions import Impact
 from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.periodic_motions.columns import Columns
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
@@ -49,7 +46,6 @@ from vibroimpact_solvers.results.branches import Type
 
 _KEPT: Final = 4  # motions
 _BACKWARDS: Final = 0.02  # of the period, by which switchings may be in the wrong order meanwhile
-_SAME: Final = 1e-6  # difference of phases of equal motions
 _MOST: Final = 128  # switchings of a period
 _STILL: Final = 0.01  # of the range: longest step of a motion in which no stop switches
 _TOGETHER: Final = 16  # motions of one structure whose columns are computed at once
@@ -261,20 +257,12 @@ class Contacts(Curve):
             return None
         for first in self._rolled(other):
             seed = self._begun(other, x, first)
-            for k, (place, after) in enumerate(itertools.pairwise(places)):
-                low, high = place.x[-1], after.x[-1]
-                if not min(low, high) - 1e-9 <= x[-1] <= max(low, high) + 1e-9:
-                    continue
-                part = (x[-1] - low) / (high - low) if high != low else 0.0
-                near = (1.0 - part) * place.x + part * after.x
-                reach = 10.0 * float(np.linalg.norm(after.x - place.x)) + _SAME
-                if np.abs(self._late(near, seed)).max(initial=0.0) > reach:
-                    continue
-                point = self.at_value(near, float(x[-1]))
-                if point is None:
-                    continue
-                if np.abs(self._late(point, seed)).max(initial=0.0) < _SAME:
-                    return k
+
+            def late(point: Floats, seed: Floats = seed) -> float:
+                return float(np.abs(self._late(point, seed)).max(initial=0.0))
+
+            if (k := self.between(places, float(x[-1]), late, late)) is not None:
+                return k
         return None
 
     def apart(self, first: Floats, other: Place) -> Iterator[tuple[Floats, Floats]]:
@@ -343,21 +331,13 @@ class Contacts(Curve):
         if self.m and self.plain:  # the equations of both periods are singular without a border
             other, point, along = self.twin(x, tangent)
             return other.repeated(kind, point, along)
-        before, whole, count = self.motions, self.whole(x), len(self.switchings)
+        whole, count = self.whole(x), len(self.switchings)
         mirrored = self.symmetric
         if not self.m or 2 * count > _MOST or (kind is Type.SYMMETRY and not mirrored):
             return None
         times = 1 if mirrored else 2
-
-        def motions(value: float) -> Motions:
-            base = before(value)
-            if mirrored:
-                both = Impact(base.constraint, 1), Impact(base.constraint, -1)
-                return replace(base, sequence=both, phases=None)
-            return replace(base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None)
-
         new = type(self)(
-            self.problem, motions, self.structures, self.before, self.switchings * times
+            self.problem, self.twice(), self.structures, self.before, self.switchings * times
         )
         new.speed = self.speed
         phases = whole if mirrored else np.concatenate([whole, whole + self.period])

@@ -11,6 +11,7 @@ What the numbers and equations are is told by `impacts.Impacts` and `contacts.Co
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -23,6 +24,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.branches.problem import Problem
 from vibroimpact_solvers.errors import SolverError
+from vibroimpact_solvers.periodic_motions import Impact
 from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.periodic_motions.columns import Columns
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
@@ -36,6 +38,7 @@ _FIRST = 0.1  # first step, as a part of the longest
 _SHORTEST = 1e-7  # and the shortest one
 _KEPT = 4  # evaluations of the equations
 _SLANTED = 1e-3  # least part of the parameter in a step that tells the derivatives by it
+_SAME = 1e-6  # difference of phases and impulses of equal motions
 _BESIDE = 1e-3  # of the last step: how far from rest a branch ends
 
 
@@ -175,6 +178,22 @@ class Curve(ABC):
     def unlike(self, x: Floats) -> Floats:
         """Return how unlike both halves of a repeated motion are."""
 
+    def twice(self) -> Callable[[float], Motions]:
+        """Return the problem of motions that repeat after twice as long, by the parameter.
+
+        Of those whose second half mirrors the first, both halves are told apart.
+        """
+        before, mirrored = self.motions, self.base.symmetric
+
+        def motions(value: float) -> Motions:
+            base = before(value)
+            if mirrored:
+                both = Impact(base.constraint, 1), Impact(base.constraint, -1)
+                return replace(base, sequence=both, phases=None)
+            return replace(base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None)
+
+        return motions
+
     def regular(self, first: Floats, last: Floats) -> tuple[Curve, Floats, Floats]:
         """Return two points on a curve whose equations are regular where multipliers are 1."""
         return self, first, last
@@ -295,6 +314,30 @@ class Curve(ABC):
         moved = x.copy()
         moved[-1] = value
         return self.onto(moved, np.eye(1, x.size, x.size - 1)[0], np.zeros(x.size - 1))
+
+    def between(
+        self,
+        places: list[Place],
+        part: float,
+        far: Callable[[Floats], float],
+        apart: Callable[[Floats], float],
+    ) -> int | None:
+        """Return between which points a motion is that another curve has at a part of the range.
+
+        `apart` tells how far a point is from it, and `far` how far it is at least.
+        """
+        for k, (place, after) in enumerate(itertools.pairwise(places)):
+            low, high = place.x[-1], after.x[-1]
+            if not min(low, high) - 1e-9 <= part <= max(low, high) + 1e-9:
+                continue
+            share = (part - low) / (high - low) if high != low else 0.0
+            near = (1.0 - share) * place.x + share * after.x
+            if far(near) > 10.0 * float(np.linalg.norm(after.x - place.x)) + _SAME:
+                continue
+            point = self.at_value(near, part)
+            if point is not None and apart(point) < _SAME:
+                return k
+        return None
 
     def place(self, x: Floats, along: Floats) -> Place:
         """Return a point with its tangent in a direction."""

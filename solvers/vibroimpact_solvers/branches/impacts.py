@@ -5,7 +5,6 @@ Its numbers are the phases and scaled impulses of the m impacts (`periodic_motio
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,8 +17,8 @@ from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.branches.curve import Curve, Equations, Place, Tests
 from vibroimpact_solvers.branches.problem import Problem
 from vibroimpact_solvers.errors import ModelError, PlanError
-from vibroimpact_solvers.periodic_motions import Impact, columns, free_bodies, sequences, single
 from vibroimpact_solvers.periodic_motions import Problem as Motions
+from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.existence import verdicts
 from vibroimpact_solvers.periodic_motions.multipliers import determinants, multipliers
@@ -32,7 +31,6 @@ _KEPT = 4  # values of the parameter
 _HUGE = 1e6  # impulses of seeds, relative to the first, beyond which they are at a resonance
 _REST = 1e-12  # impulses, relative to those of the point before, of rest
 _LARGEST = 1e3  # impulses, relative to all that begin one, at which one without load ends
-_SAME = 1e-6  # difference of phases and impulses of equal motions
 _MOST = 64  # impacts of a period
 
 
@@ -140,23 +138,13 @@ class Impacts(Curve):
         return next((k for k in each if k is not None), None)
 
     def _passing(self, places: list[Place], seed: Floats) -> int | None:
-        m = self.m
-        for k, (place, after) in enumerate(itertools.pairwise(places)):
-            low, high = place.x[-1], after.x[-1]
-            if not min(low, high) - 1e-9 <= seed[-1] <= max(low, high) + 1e-9:
-                continue
-            part = (seed[-1] - low) / (high - low) if high != low else 0.0
-            near = (1.0 - part) * place.x + part * after.x
-            apart = np.abs(near[m:-1] - seed[m:-1]).max()
-            if apart > 10.0 * np.linalg.norm(after.x - place.x) + _SAME:
-                continue
-            point = self.at_value(near, float(seed[-1]))
-            if point is None:
-                continue
-            late = self.late(point, seed)
-            if max(np.abs(late).max(), np.abs(point[m:-1] - seed[m:-1]).max()) < _SAME:
-                return k
-        return None
+        def pushed(point: Floats) -> float:
+            return float(np.abs(point[self.m : -1] - seed[self.m : -1]).max())
+
+        def apart(point: Floats) -> float:
+            return max(float(np.abs(self.late(point, seed)).max()), pushed(point))
+
+        return self.between(places, float(seed[-1]), pushed, apart)
 
     def turned(self, x: Floats) -> list[Floats]:
         """Return a point as it is where the motion begins at any impact where it may begin alike.
@@ -291,19 +279,12 @@ class Impacts(Curve):
         self, kind: Type, x: Floats, tangent: Floats
     ) -> tuple[Curve, Floats, Floats] | None:
         """Return a special point as one of the curve of motions with twice as many impacts."""
-        base, before, m = self.base, self.motions, self.m
+        base, m = self.base, self.m
         mirrored = base.symmetric
         if 2 * m > _MOST or (kind is Type.SYMMETRY and not mirrored):
             return None
 
-        def motions(value: float) -> Motions:
-            base = before(value)
-            if mirrored:
-                both = Impact(base.constraint, 1), Impact(base.constraint, -1)
-                return replace(base, sequence=both, phases=None)
-            return replace(base, sequence=base.impacts * 2, periods=2 * base.periods, phases=None)
-
-        new = Impacts(self.problem, motions)
+        new = Impacts(self.problem, self.twice())
         new.impulse, new.largest_seed = self.impulse, self.largest_seed
         turn = np.pi * base.periods * (1.0 if mirrored else 2.0)
         sign = -1.0 if mirrored else 1.0

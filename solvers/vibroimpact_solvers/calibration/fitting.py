@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -119,38 +120,32 @@ def least_squares(
         Relative change of the sum, or of the point, at which the search ends.
     """
     chosen = np.ones(first.x.size, dtype=bool) if free is None else free
-    known: dict[bytes, Evaluation | SolverError] = {}
     best = first
 
-    def at(part: Floats) -> Evaluation | SolverError:
+    @lru_cache(1)  # the Jacobian is that of the point at which residuals were asked for last
+    def evaluated(point: bytes) -> Evaluation | SolverError:
         nonlocal best
+        outcome = model.evaluate(np.frombuffer(point), rates=True)
+        if isinstance(outcome, Evaluation) and outcome.chi2 < best.chi2:
+            best = outcome
+        return outcome
+
+    def at(part: Floats) -> Evaluation | SolverError:
         x = first.x.copy()
         x[chosen] = part
         if not np.isfinite(x).all():
             return SolverError("the step is not finite")
-        if x.tobytes() == first.x.tobytes():
-            return first
-        if x.tobytes() not in known:
-            known.clear()
-            outcome = model.evaluate(x, rates=True)
-            known[x.tobytes()] = outcome
-            if isinstance(outcome, Evaluation) and outcome.chi2 < best.chi2:
-                best = outcome
-        return known[x.tobytes()]
-
-    current = {first.x[chosen].tobytes(): first}
+        return first if x.tobytes() == first.x.tobytes() else evaluated(x.tobytes())
 
     def residuals(part: Floats) -> Floats:
         outcome = at(part)
         if isinstance(outcome, SolverError):
             return np.full(first.residuals.size, np.inf)
-        current[part.tobytes()] = outcome
         return outcome.residuals
 
     def jacobian(part: Floats) -> Floats:
-        outcome = current[part.tobytes()]
-        current.clear()
-        current[part.tobytes()] = outcome
+        outcome = at(part)
+        assert isinstance(outcome, Evaluation)
         assert outcome.jacobian is not None
         return outcome.jacobian[:, chosen]
 

@@ -37,8 +37,7 @@ def plan(problem: Problem) -> Plan:
     unknowns = len(problem.unknowns)
     searches = min(_SEARCHES, problem.starts)
     steps_each = _EACH_SEARCH * searches
-    screened = CANDIDATES if problem.starts > 1 else 0
-    screened *= problem.starts - 1
+    screened = CANDIDATES * (problem.starts - 1)
     profile = "interval" in problem.outputs
     profiled = 2 * unknowns * _EACH_END if profile else 0
     times = 1 + 2 * unknowns if refusal else 1
@@ -47,12 +46,10 @@ def plan(problem: Problem) -> Plan:
         replace(
             step,
             flops=step.flops * (evaluations - (screened if step.stage is Stage.DERIVATIVES else 0)),
-            # One answer is kept at a time.
-            bytes=step.bytes,
             count=evaluations,
             bounded=False,
         )
-        for step in of_base.steps
+        for step in of_base.steps  # whose bytes stay: one answer is kept at a time
     ]
     size = float(problem.count * unknowns)
     work = 4.0 * size * unknowns
@@ -76,8 +73,7 @@ def plan(problem: Problem) -> Plan:
             )
         )  # fmt: skip
     skips = () if profile else (Skip("interval", "not requested"),)
-    points = evaluations
-    return Plan(KIND, tuple(steps), (*skips, *_own(of_base.skips)), points, of=problem.kind)
+    return Plan(KIND, tuple(steps), (*skips, *_own(of_base.skips)), evaluations, of=problem.kind)
 
 
 def _own(skips: tuple[Skip, ...]) -> tuple[Skip, ...]:

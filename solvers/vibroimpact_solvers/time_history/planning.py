@@ -203,11 +203,9 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
 def _switched_step(problem: Problem, count: int) -> Step:
     """Return the step of a motion with stops of finite stiffness."""
     system, n = problem.system, float(problem.system.n)
-    # A contact in two radians of the slow modes or the load, or at the first speed; measured on
-    # chains, it takes 20 us and what goes with the number of modes, and with its square where
-    # states are converted.
-    radians = problem.t_end * _slow(problem)
-    contacts = 5.0 + max(0.5 * radians, 0.3 * _crossings(problem))
+    # Measured on chains, a contact takes 20 us and what goes with the number of modes, and with its
+    # square where states are converted.
+    contacts = _contacts(problem)
     reason = (
         "the structure is linear while no stop switches: wall reached, force lost or regained, "
         "wall left, each found by certified expansions; the number of contacts is estimated: the "
@@ -220,12 +218,19 @@ def _switched_step(problem: Problem, count: int) -> Step:
     return Step(Stage.FREE_MOTION, Method.SWITCHED, reason, flops, 400.0 * contacts, bounded=False)
 
 
+def _contacts(problem: Problem) -> float:
+    """Return about how many contacts there are with stops of finite stiffness.
+
+    One in two radians of the slow modes or the load, or at the first speed.
+    """
+    return 5.0 + max(0.5 * problem.t_end * _slow(problem), 0.3 * _crossings(problem))
+
+
 def _powered_step(problem: Problem, turns: float) -> Step:
     """Return the step of a motion with stops whose force grows with a power."""
     system, n = problem.system, float(problem.system.n)
     walls = sum((c.lower is not None) + (c.upper is not None) for c in system.constraints)
-    radians = problem.t_end * _slow(problem)
-    contacts = 5.0 + max(0.5 * radians, 0.3 * _crossings(problem))
+    contacts = _contacts(problem)
     reason = (
         "series of the motion, of an order that goes with the tolerance; steps end where a wall is "
         "reached or left, and grow from there, where the force has no series; a run with longer "

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.reference.stopped_runge_kutta import StoppedMotion
+from tests.solvers.time_history.test_residual_flexibility import agrees, solved
 from vibroimpact_solvers import ensemble, laws, time_history
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.flexibility import in_series
@@ -17,7 +18,6 @@ from vibroimpact_solvers.laws import Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.walls import Samples, Swing, Wall
 
-ALL = frozenset({"x", "v", "energy", "force", "contacts"})
 Course = Callable[[float], tuple[float, float]]
 
 
@@ -72,13 +72,6 @@ def random_case(seed: int) -> tuple[System, Any, Any, Any, list[float]]:
     return in_series(system, delta), delta, rng.normal(size=n) * 0.3, rng.normal(size=n), breaks
 
 
-def solved(system: System, x: Any, v: Any, times: Any, **more: Any) -> Any:
-    problem = time_history.Problem(
-        system, time_history.State(x, v), float(times[-1]), t=times, **({"outputs": ALL} | more)
-    )
-    return time_history.solve(problem, time_history.plan(problem))
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_motions_are_those_of_a_runge_kutta_method(seed: int) -> None:
     """Harmonics and samples, up to three stops, in half of the cases with a flexibility."""
@@ -91,12 +84,7 @@ def test_motions_are_those_of_a_runge_kutta_method(seed: int) -> None:
     )  # fmt: skip
     states = reference.follow(x, v, times, breaks)
     result = solved(system, x, v, times, load=(load,))
-    own = 1e-11 * max(1.0, float(result.error_condition))
-    assert (np.abs(result.x - states[:, : system.n]) <= result.error_x + own).all()
-    assert (np.abs(result.v - states[:, system.n :]) <= result.error_v + 1e2 * own).all()
-    assert result.contact_start.size == len(reference.contacts)
-    at, order = np.array([t for t, *_ in reference.contacts]), np.argsort(result.contact_start)
-    assert (np.abs(result.contact_start[order] - at) <= 1e-9 + 1e2 * own).all()
+    agrees(result, reference, states)
 
 
 @pytest.mark.parametrize("damping", [0.0, 3.0, 60.0])

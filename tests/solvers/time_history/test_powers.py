@@ -10,30 +10,14 @@ import numpy as np
 import pytest
 
 from tests.reference.powers import PowerMotion, Wall
+from tests.solvers.time_history.test_stops import ALL, motion, one_mass
 from vibroimpact_solvers import ensemble, existence_bands, time_history
 from vibroimpact_solvers.errors import Cancelled, ModelError
 from vibroimpact_solvers.laws import Hertz, Linear, Power, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
-ALL = frozenset({"x", "v", "energy", "force", "contacts"})
 COLUMNS = ("start", "stop", "velocity", "impulse", "peak_force", "indentation", "energy_lost")
 NEAR = 3e-11  # to which the integrator knows a number, relative to its size
-
-
-def one_mass(law: Any, upper: float = 0.0, K: float = 0.0, force: float = 0.0) -> System:
-    wall = Constraint((0,), (1.0,), None, upper, law=law)
-    M, stiffness = SymmetricMatrix.diagonal([2.0]), SymmetricMatrix.diagonal([K])
-    return System(M, stiffness, (wall,), force=np.array([force]))
-
-
-def motion(
-    system: System, x: Any, v: Any, t_end: float, count: int = 21, **more: Any
-) -> time_history.Result:
-    state = time_history.State(np.array(x, dtype=float), np.array(v, dtype=float))
-    times = np.linspace(0.0, t_end, count)
-    more = {"outputs": ALL} | more
-    problem = time_history.Problem(system, state, t_end, t=times, **more)
-    return time_history.solve(problem, time_history.plan(problem))
 
 
 @pytest.mark.needs("compiled kernels")

@@ -48,6 +48,21 @@ def solved(system: System, x: Any, v: Any, times: Any, **more: Any) -> Any:
     return time_history.solve(problem, time_history.plan(problem))
 
 
+def agrees(result: Any, reference: StoppedMotion, states: Any) -> float:
+    """Check motion and contacts by the reference; return the error of that.
+
+    By its tolerance and the growth of deviations.
+    """
+    own, n = 1e-11 * max(1.0, float(result.error_condition)), states.shape[1] // 2
+    assert (np.abs(result.x - states[:, :n]) <= result.error_x + own).all()
+    assert (np.abs(result.v - states[:, n:]) <= result.error_v + 1e2 * own).all()
+    assert result.contact_start.size == len(reference.contacts)
+    at = np.array([time for time, *_ in reference.contacts])
+    order = np.argsort(result.contact_start, kind="stable")
+    assert (np.abs(result.contact_start[order] - at) <= 1e-9 + 1e2 * own).all()
+    return own
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_motions_are_those_of_a_runge_kutta_method(seed: int) -> None:
     """Of up to three stops that displace one another, begun within them, before and behind."""
@@ -59,14 +74,7 @@ def test_motions_are_those_of_a_runge_kutta_method(seed: int) -> None:
     )
     states = reference.follow(x, v, times)
     result = solved(system, x, v, times, load=(load,))
-    # The reference's own error, by its tolerance and the growth of deviations.
-    own = 1e-11 * max(1.0, float(result.error_condition))
-    assert (np.abs(result.x - states[:, : system.n]) <= result.error_x + own).all()
-    assert (np.abs(result.v - states[:, system.n :]) <= result.error_v + 1e2 * own).all()
-    assert result.contact_start.size == len(reference.contacts)
-    at = np.array([time for time, *_ in reference.contacts])
-    order = np.argsort(result.contact_start, kind="stable")
-    assert (np.abs(result.contact_start[order] - at) <= 1e-9 + 1e2 * own).all()
+    own = agrees(result, reference, states)
     for k, t in enumerate(times):
         forces, _ = reference.forces(reference.consistent(t, states[k]), t, states[k])
         for a in range(len(delta)):
