@@ -13,8 +13,8 @@ Fredholm's determinant D all of them are entire functions of x. With ``|S| <= s`
 
     |D| <= sum (s RADIUS)^n n^(n/2) / n! ,
 
-and Cauchy's inequality what their Taylor polynomials of the degree `TERMS` - 1 leave out on the
-box: this proves where the polynomial of E shows no root, or exactly one.
+and Cauchy's inequality what their Taylor polynomials leave out on the box: this proves where the
+polynomial of E shows no root, or exactly one. Few terms show most boxes without a root as such.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import inner, kernel
 
 TERMS: Final = 30
+"""Of polynomials that tell roots to rounding."""
+FEW_TERMS: Final = 12
+"""Of polynomials that tell where there is none: they take a tenth of the time."""
 RADIUS: Final = 3.0
 """Of the disc on which functions are bounded, in half widths of the box."""
 STRONG: Final = 0.7
@@ -62,10 +65,10 @@ Complexes = NDArray[np.complex128]
 class Boxes(NamedTuple):
     """What is known at the middle of boxes; time in half widths."""
 
-    S: Floats  # (box, TERMS, TERMS): coefficients of S(s, t) for s^l t^j, times the half width
-    beta: Floats  # (box, TERMS): of the form at the beginning, of what the force makes of it
-    alpha: Complexes  # (box, TERMS): of the force by the load
-    still: Floats  # (box, TERMS): of the force by what is constant
+    S: Floats  # (box, term, term): coefficients of S(s, t) for s^l t^j, times the half width
+    beta: Floats  # (box, term): of the form at the beginning, of what the force makes of it
+    alpha: Complexes  # (box, term): of the force by the load
+    still: Floats  # (box, term): of the force by what is constant
     Q: Complexes  # (box,)
     g: Floats  # (box,)
     size: Floats  # (box, 3): bounds of what S, beta and alpha leave out on the disc
@@ -75,16 +78,16 @@ class Boxes(NamedTuple):
 class _Room(NamedTuple):
     """Polynomials over a box."""
 
-    moments: Complexes  # (TERMS, TERMS): of the force, by place and power
-    turned: Complexes  # (TERMS, TERMS): S times them
-    t: Complexes  # (TERMS,): of D'/D
+    moments: Complexes  # (term, term): of the force, by place and power
+    turned: Complexes  # (term, term): S times them
+    t: Complexes  # (term,): of D'/D
     D: Complexes
-    Q: Complexes  # of D Q, …, (TERMS,)
+    Q: Complexes  # of D Q, …, (term,)
     R: Complexes
     g: Complexes
     h: Complexes
-    A: Complexes  # (2 TERMS,): g R* - h Q*
-    B: Floats  # (2 TERMS,): Im(Q* R)
+    A: Complexes  # (2 term,): g R* - h Q*
+    B: Floats  # (2 term,): Im(Q* R)
     middle: Floats  # (_DEEP,): of intervals that are left to examine
     half: Floats  # (_DEEP,): their half widths
 
@@ -117,11 +120,11 @@ def _solve(S: Floats, right: Complexes, diagonal: bool, room: _Room) -> None:
 
     Where `diagonal`, right(s) is S(s, x) instead.
     """
-    moments, turned = room.moments, room.turned
-    for k in range(TERMS):
-        for j in range(TERMS):
+    moments, turned, terms = room.moments, room.turned, room.t.size
+    for k in range(terms):
+        for j in range(terms):
             moments[j, k] = turned[j, k] = 0.0
-    for k in range(TERMS):
+    for k in range(terms):
         for j in range(k):
             # the power k of x in m_j takes s^l with n = k - j - 1 at t^0, and what m has before
             total = 0.0 + 0.0j
@@ -132,7 +135,7 @@ def _solve(S: Floats, right: Complexes, diagonal: bool, room: _Room) -> None:
                     total += S[n, k - j - 1 - n] / (j + n + 1.0)
                 total -= turned[n, k - j - n - 1] / (j + n + 1.0)
             moments[j, k] = total
-        for n in range(TERMS - k):
+        for n in range(terms - k):
             total = 0.0 + 0.0j
             for i in range(k):
                 total += S[n, i] * moments[i, k]
@@ -142,7 +145,7 @@ def _solve(S: Floats, right: Complexes, diagonal: bool, room: _Room) -> None:
 @inner
 def _set_end(right: Complexes, room: _Room, out: Complexes) -> None:
     """Fill in the force at the end, ``right(x) - integral S(x, t) f(t) dt``."""
-    for k in range(TERMS):
+    for k in range(out.size):
         total = right[k]
         for n in range(k + 1):
             total -= room.turned[n, k - n]
@@ -152,7 +155,7 @@ def _set_end(right: Complexes, room: _Room, out: Complexes) -> None:
 @inner
 def _set_start(first: complex, beta: Floats, room: _Room, out: Complexes) -> None:
     """Fill in the form at the beginning, ``first - integral beta(t) f(t) dt``."""
-    for k in range(TERMS):
+    for k in range(out.size):
         total = 0.0 + 0.0j
         for j in range(k):
             total -= beta[j] * room.moments[j, k]
@@ -162,7 +165,7 @@ def _set_start(first: complex, beta: Floats, room: _Room, out: Complexes) -> Non
 @inner
 def _times(D: Complexes, p: Complexes) -> None:
     """Multiply a polynomial by another one, up to the degree that is kept."""
-    for k in range(TERMS - 1, -1, -1):
+    for k in range(p.size - 1, -1, -1):
         total = 0.0 + 0.0j
         for j in range(k + 1):
             total += D[j] * p[k - j]
@@ -173,12 +176,12 @@ def _times(D: Complexes, p: Complexes) -> None:
 def _set_determinant(S: Floats, room: _Room) -> None:
     """Fill in Fredholm's determinant by ``D' = t D`` with ``t = v . M^-1 u``."""
     _solve(S, room.D, True, room)
-    for k in range(TERMS):
+    for k in range(room.t.size):
         total = 0.0 + 0.0j
         for n in range(k + 1):
             total += S[n, k - n] - room.turned[n, k - n]
         room.t[k] = total
-    for k in range(TERMS):
+    for k in range(room.t.size):
         total = 0.0 + 0.0j
         for j in range(k):
             total += room.t[j] * room.D[k - 1 - j]
@@ -205,11 +208,11 @@ def _strength(S: Floats, apart: bool) -> tuple[float, float]:
     first = 0
     whole = S[first, first]
     total, outer, before, after = 0.0, 1.0, 0.0, 0.0
-    for n in range(TERMS):
+    for n in range(len(S)):
         power = outer
         before += abs(S[n, first]) * outer
         after += abs(S[first, n]) * outer
-        for j in range(TERMS):
+        for j in range(len(S)):
             taken = S[n, first] * S[first, j] / whole if apart else 0.0
             total += abs(S[n, j] - taken) * power
             power *= RADIUS
@@ -242,8 +245,8 @@ def _set_equation(room: _Room) -> None:
     A, B = room.A, room.B
     for k in range(A.size):
         A[k], B[k] = 0.0, 0.0
-    for j in range(TERMS):
-        for k in range(TERMS):
+    for j in range(room.t.size):
+        for k in range(room.t.size):
             A[j + k] += room.g[j] * room.R[k].conjugate() - room.h[j] * room.Q[k].conjugate()
             B[j + k] += (room.Q[j].conjugate() * room.R[k]).imag
 
@@ -266,7 +269,7 @@ def _pole(c: Complexes) -> tuple[int, float]:
     `EMPTY`, `ROOT`, or `CUT` where there may be more.
     """
     other, bends, low, high = 0.0, 0.0, 0.0, 0.0
-    for k in range(TERMS - 1, -1, -1):
+    for k in range(c.size - 1, -1, -1):
         low, high = c[k].real - low, c[k].real + high
         if k > 0:
             other += abs(c[k])
@@ -281,7 +284,7 @@ def _pole(c: Complexes) -> tuple[int, float]:
     left, right, x = -1.0, 1.0, 0.0
     for _ in range(2 * _HALVINGS):
         x, value = 0.5 * (left + right), 0.0
-        for k in range(TERMS - 1, -1, -1):
+        for k in range(c.size - 1, -1, -1):
             value = value * x + c[k].real
         if (value > 0.0) == (high > 0.0):
             right = x
@@ -392,7 +395,7 @@ def _isolate(
 @inner
 def _doubt(sizes: _Sizes, radius: float, room: _Room) -> tuple[float, float]:
     """Return the errors of A and B on a disc."""
-    part = (radius / RADIUS) ** TERMS * RADIUS / (RADIUS - radius)
+    part = (radius / RADIUS) ** room.t.size * RADIUS / (RADIUS - radius)
     Q, R = _largest(room.Q, radius), _largest(room.R, radius)
     g, h = _largest(room.g, radius), _largest(room.h, radius)
     lost_Q, lost_R = part * sizes.Q + _ROUNDED * Q, part * sizes.R + _ROUNDED * R
@@ -412,7 +415,7 @@ def _bounds(
     whole, minor = _fredholm(*strength)
     alpha, still, beta = 0.0, 0.0, 0.0
     power = 1.0
-    for n in range(TERMS):
+    for n in range(room.t.size):
         alpha += abs(boxes.alpha[i, n]) * power
         still += abs(boxes.still[i, n]) * power
         beta += abs(boxes.beta[i, n]) * power
@@ -452,7 +455,7 @@ def isolate(
     ----------
     boxes : Boxes
     which : array of int, shape (room,)
-        Receives the boxes of the intervals.
+        Receives the boxes of the intervals. Without room, boxes with any are `FULL`.
     middles, halves : array, shape (room,)
         Receive their middles and half widths, in half widths of the box.
     kinds : array of int, shape (room,)
@@ -465,15 +468,16 @@ def isolate(
     int
         Number of intervals.
     """
-    shape = TERMS, TERMS
+    terms = boxes.alpha.shape[1]
+    shape = terms, terms
     room = _Room(
         np.empty(shape, np.complex128), np.empty(shape, np.complex128),
-        np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
-        np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
-        np.empty(TERMS, np.complex128), np.empty(TERMS, np.complex128),
-        np.empty(2 * TERMS, np.complex128), np.empty(2 * TERMS), np.empty(_DEEP), np.empty(_DEEP),
+        np.empty(terms, np.complex128), np.empty(terms, np.complex128),
+        np.empty(terms, np.complex128), np.empty(terms, np.complex128),
+        np.empty(terms, np.complex128), np.empty(terms, np.complex128),
+        np.empty(2 * terms, np.complex128), np.empty(2 * terms), np.empty(_DEEP), np.empty(_DEEP),
     )  # fmt: skip
-    still, listed = np.empty(TERMS, np.complex128), 0
+    still, listed = np.empty(terms, np.complex128), 0
     for i in range(states.size):
         r, s = _strength(boxes.S[i], False)
         if not s + boxes.size[i, OF_S] <= STRONG:
@@ -482,7 +486,7 @@ def isolate(
         states[i] = EMPTY if s <= STRONG and r <= SINGULAR else CUT
         if states[i] == CUT:
             continue
-        for k in range(TERMS):
+        for k in range(terms):
             still[k] = boxes.still[i, k]
         _set_determinant(boxes.S[i], room)
         _solve(boxes.S[i], boxes.alpha[i], False, room)

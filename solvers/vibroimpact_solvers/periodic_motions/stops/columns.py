@@ -11,7 +11,7 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
 from vibroimpact_solvers.periodic_motions.columns import multiplier_columns
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.stops.along import Part, Sums, forms_of, parts, sums
+from vibroimpact_solvers.periodic_motions.stops.along import Part, parts
 from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.multipliers import multipliers
@@ -19,6 +19,7 @@ from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Stop
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
+from vibroimpact_solvers.periodic_motions.stops.sums import Sums, forms_of, sums
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Result
 
@@ -35,6 +36,7 @@ def of_linear(problem: Problem, response: Linear) -> Columns:
     phases, cells = response.phases, response.cells
     count = cells.Omega.size
     held = response.held
+    contact = (0, phases.stop) if held else None
     columns = begun(problem, np.arange(count), contacts=held)
     if "exists" in problem.outputs:
         columns |= of_verdicts(response.verdicts())
@@ -44,7 +46,7 @@ def of_linear(problem: Problem, response: Linear) -> Columns:
     for f in range(count):
         bounded = not response.unbounded[f]
         one = (response.part(f),) if bounded else ()
-        totals.append(sums(problem, phases, one, 0 if held else -1) if bounded else None)
+        totals.append(sums(problem, phases, one, contact) if bounded else None)
     rows = [
         held_row(phases.stop, float(cells.length[f]), phases.scale, totals[f])
         for f in range(count if held else 0)
@@ -76,7 +78,7 @@ def of(problem: Problem, phases: Phases, cells: Cells, solved: Solutions) -> Col
     if {"stability", "multipliers"} & problem.outputs:
         columns |= multiplier_columns(problem, *multipliers(phases, cells, solved))
     every = [parts(phases, cells, solved, k) for k in range(count)]
-    totals: list[Sums | None] = [sums(problem, phases, one) for one in every]
+    totals: list[Sums | None] = [sums(problem, phases, one, (0, phases.stop)) for one in every]
     rows = [
         _contact(problem, phases, cells, solved, k, every[k], total)
         for k, total in enumerate(totals)

@@ -10,7 +10,15 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels import durations
-from vibroimpact_solvers.kernels.durations import CUT, EMPTY, FULL, RADIUS, TERMS, UNRESOLVED
+from vibroimpact_solvers.kernels.durations import (
+    CUT,
+    EMPTY,
+    FEW_TERMS,
+    FULL,
+    RADIUS,
+    TERMS,
+    UNRESOLVED,
+)
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.stops import prescribed
@@ -21,6 +29,8 @@ _FIRST: Final = 8  # boxes of a period
 _LEFT_OUT: Final = 1e-6
 """Part of a polynomial's size that its terms leave out on the disc, above which a box is cut
 without a look at matrices."""
+_FEW_LEAVE_OUT: Final = 1e-5
+"""The same for polynomials of few terms, with which a box is examined first."""
 _AGAIN: Final = 4  # times the number of boxes, that are examined in the end at most
 _FEW: Final = 2000  # boxes of a frequency that are examined anyway
 _CUBES: Final = 7e3
@@ -185,9 +195,9 @@ def _halves(index: Integers, d: Floats, half: Floats) -> tuple[Integers, Floats,
     return *both, np.concatenate([w, w])
 
 
-def _tails(x: Floats) -> Floats:
+def _tails(x: Floats, terms: int = TERMS) -> Floats:
     """Return bounds of what the first terms of an exponential series leave out."""
-    return _grown(TERMS * np.log(np.maximum(x, 1e-300)) - _LOG + x)
+    return _grown(terms * np.log(np.maximum(x, 1e-300)) - math.lgamma(terms + 1.0) + x)
 
 
 def _grown(x: Floats) -> Floats:
@@ -195,7 +205,6 @@ def _grown(x: Floats) -> Floats:
     return np.asarray(np.exp(np.minimum(x, _STEEP)))
 
 
-_LOG: Final = math.lgamma(TERMS + 1.0)
 _STEEP: Final = 150.0  # exponent beyond which boxes are cut anyway
 
 
@@ -224,13 +233,16 @@ def _leaves_out(phases: Phases, cells: Cells, index: Integers, d: Floats, half: 
     return np.asarray(bad)
 
 
-def _series(side: Side, live: Integers, first: Floats, half: Floats, sign: float) -> Floats:
-    """Return the Taylor coefficients of ``e^(+-A x half) z`` or of forms, (motion, TERMS, …)."""
-    terms = np.empty((len(first), TERMS, first.shape[1]))
+def _series(
+    side: Side, live: Integers, first: Floats, half: Floats, *, forward: bool, count: int
+) -> Floats:
+    """Return the Taylor coefficients of ``e^(+-A x half) z`` or of forms, (motion, count, …)."""
+    terms = np.empty((len(first), count, first.shape[1]))
     terms[:, 0] = first
-    for k in range(1, TERMS):
-        rate = prescribed.drift(side, live, terms[:, k - 1], form=sign > 0.0)
-        terms[:, k] = rate * (sign * half / k)[:, np.newaxis]
+    signed = half if forward else -half
+    for k in range(1, count):
+        rate = prescribed.drift(side, live, terms[:, k - 1], form=forward)
+        terms[:, k] = rate * (signed / k)[:, np.newaxis]
     return terms
 
 
@@ -238,41 +250,68 @@ def _roots(
     phases: Phases, cells: Cells, start: Start, motions: Prescribed, half: Floats
 ) -> tuple[Integers, tuple[Integers, Floats, Floats, Integers]]:
     """Return what became of boxes, and the intervals of roots in them."""
-    boxes = _boxes(phases, cells, start, motions, half)
-    count = motions.d.size
-    room = _ROOM * count
-    which, kinds = np.empty((2, room), dtype=np.int64)
-    middles, halves = np.empty((2, room))
-    states = np.empty(count, dtype=np.int64)
-    roots_of_all = durations.isolate(boxes, which, middles, halves, kinds, states)
-    of = which[:roots_of_all]
+    states = np.full(half.size, FULL)
+    smooth = np.flatnonzero(_tails(_turns(phases, motions, half), FEW_TERMS) <= _FEW_LEAVE_OUT)
+    if smooth.size:
+        few = _boxes(phases, cells, start, motions.at(smooth), half[smooth], FEW_TERMS)
+        states[smooth], _ = _isolated(few, 0)
+    left = np.flatnonzero(states == FULL)
+    motions, half = motions.at(left), half[left]
+    boxes = _boxes(phases, cells, start, motions, half, TERMS)
+    own, (of, middles, halves, kinds) = _isolated(boxes, _ROOM * left.size)
     # Smaller boxes tell more, until rounding is all that is left.
     large = half > _DOUBTFUL * cells.length[motions.index]
-    doubtful = of[kinds[:roots_of_all] == UNRESOLVED]
-    states[doubtful[large[doubtful]]] = CUT
-    good = (states == EMPTY)[of]
+    doubtful = of[kinds == UNRESOLVED]
+    own[doubtful[large[doubtful]]] = CUT
+    states[left] = own
+    good = (own == EMPTY)[of]
     of = of[good]
-    d = motions.d[of] + half[of] * middles[:roots_of_all][good]
-    roots = motions.index[of], d, half[of] * halves[:roots_of_all][good], kinds[:roots_of_all][good]
-    return states, roots
+    d = motions.d[of] + half[of] * middles[good]
+    return states, (motions.index[of], d, half[of] * halves[good], kinds[good])
+
+
+def _turns(phases: Phases, motions: Prescribed, half: Floats) -> Floats:
+    """Return how far what moves fastest turns on the disc, (motion,)."""
+    n, m = motions.live.size // 2, motions.live_loaded.size // 2
+    fastest = max(
+        phases.open.rate[motions.live[:n]].max(initial=0.0),
+        phases.loaded.rate[motions.live_loaded[:m]].max(initial=0.0),
+    )
+    return np.asarray(RADIUS * half * fastest)
+
+
+def _isolated(
+    boxes: durations.Boxes, room: int
+) -> tuple[Integers, tuple[Integers, Floats, Floats, Integers]]:
+    """Return what became of boxes, and their intervals of roots if there is room for them."""
+    which, kinds = np.empty((2, room), dtype=np.int64)
+    middles, halves = np.empty((2, room))
+    states = np.empty(boxes.g.size, dtype=np.int64)
+    count = durations.isolate(boxes, which, middles, halves, kinds, states)
+    return states, (which[:count], middles[:count], halves[:count], kinds[:count])
 
 
 def _boxes(
-    phases: Phases, cells: Cells, start: Start, motions: Prescribed, half: Floats
+    phases: Phases,
+    cells: Cells,
+    start: Start,
+    motions: Prescribed,
+    half: Floats,
+    terms: int,
 ) -> durations.Boxes:
-    """Return what the kernel has to know of boxes around durations."""
+    """Return what the kernel has to know of boxes around durations, by so many terms."""
     index, d, live, loaded = motions.index, motions.d, motions.live, motions.live_loaded
     to = phases.to_loaded[np.ix_(loaded, live)]
-    U = _series(phases.open, live, motions.u, half, -1.0)
-    V = _series(phases.loaded, loaded, motions.v, half, 1.0)
+    U = _series(phases.open, live, motions.u, half, forward=False, count=terms)
+    V = _series(phases.loaded, loaded, motions.v, half, forward=True, count=terms)
     Y = U @ motions.inverse.transpose(0, 2, 1)  # (motion, term, live)
     own = V @ to  # forms of states at the beginning
     S = own @ Y.transpose(0, 2, 1) * half[:, np.newaxis, np.newaxis]
     beta = Y @ start.form[live] * half[:, np.newaxis]
     jump = cells.jump[index, 0][:, loaded]
     rate = cells.Omega[index] * phases.harmonics[0] * half
-    powers = np.ones((index.size, TERMS), dtype=np.complex128)
-    for k in range(1, TERMS):
+    powers = np.ones((index.size, terms), dtype=np.complex128)
+    for k in range(1, terms):
         powers[:, k] = powers[:, k - 1] * 1j * rate / k
     push = cells.loaded[:, 0] @ phases.loaded.force
     turned = np.exp(1j * cells.Omega[index] * phases.harmonics[0] * d)
@@ -289,7 +328,8 @@ def _boxes(
         end[d - half <= 1e-9 * cells.length[index]] = -1
         if cells.sign > 0.0:
             end[d + half >= (1.0 - 1e-9) * cells.length[index]] = 1
-    size = _remainders(phases, cells, start, motions, half, (at_entry, still_entry, rate, push))
+    given = at_entry, still_entry, rate, push
+    size = _remainders(phases, start, motions, half, given, terms)
     return durations.Boxes(
         S, beta, np.ascontiguousarray(alpha), still, np.ascontiguousarray(Q), g, size, end
     )
@@ -297,11 +337,11 @@ def _boxes(
 
 def _remainders(
     phases: Phases,
-    cells: Cells,
     start: Start,
     motions: Prescribed,
     half: Floats,
     given: tuple[Complexes, Floats, Floats, Complexes],
+    terms: int,
 ) -> Floats:
     """Return bounds of what polynomials leave out on the disc, (motion, 3)."""
     at_entry, still_entry, rate, push = given
@@ -315,10 +355,10 @@ def _remainders(
     u = np.sqrt(2.0) * np.hypot(motions.u[:, :n], motions.u[:, n:])
     v = np.sqrt(2.0) * np.hypot(motions.v[:, :m], motions.v[:, m:])
     u_all, v_all = norm(u * _grown(x0)), norm(v * _grown(x1))
-    u_tail, v_tail = norm(u * _tails(x0)), norm(v * _tails(x1))
+    u_tail, v_tail = norm(u * _tails(x0, terms)), norm(v * _tails(x1, terms))
     inverse = np.linalg.norm(motions.inverse, axis=(1, 2)) if n else np.zeros(half.size)
     S = phases.carried * inverse * half * (v_tail * u_all + v_all * u_tail)
     beta = float(np.linalg.norm(start.form[live])) * inverse * half * u_tail
     entered = np.maximum(norm(np.abs(at_entry)), norm(still_entry))
-    alpha = v_tail * entered + np.abs(push[motions.index]) * _tails(RADIUS * rate)
+    alpha = v_tail * entered + np.abs(push[motions.index]) * _tails(RADIUS * rate, terms)
     return np.asarray(np.nan_to_num(np.stack([S, beta, alpha], axis=1), nan=np.inf))

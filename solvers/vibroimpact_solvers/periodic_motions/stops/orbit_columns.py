@@ -13,17 +13,12 @@ from vibroimpact_solvers.periodic_motions.columns import multiplier_columns
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns as tables
-from vibroimpact_solvers.periodic_motions.stops.along import (
-    Part,
-    Sums,
-    add_energies,
-    add_extremes,
-    set_forces,
-)
+from vibroimpact_solvers.periodic_motions.stops.along import Part, Samples
 from vibroimpact_solvers.periodic_motions.stops.orbit_errors import Errors, errors, multipliers
 from vibroimpact_solvers.periodic_motions.stops.orbit_existence import verdict
 from vibroimpact_solvers.periodic_motions.stops.orbits import Kind, Orbit
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
+from vibroimpact_solvers.periodic_motions.stops.sums import Sums, of_force, set_forces, sums
 
 Columns = dict[str, Any]
 
@@ -55,7 +50,7 @@ def of(problem: Problem, scenes: Scenes, motions: list[tuple[int, Checked]]) -> 
             values[k], off[k] = multipliers(one.orbit, one.errors.times)
         columns |= multiplier_columns(problem, values, off)
     every = [parts(*one) for _, one in motions]
-    totals = [_summed(problem, scenes, one) for one in every]
+    totals = [sums(problem, scenes, one) for one in every]
     if problem.tolerance is not None:
         columns["solution_within_tolerance"] = np.array([
             all(row["error_impulse"] <= problem.tolerance * row["impulse"] for row in each)
@@ -102,19 +97,6 @@ def parts(one: Orbit, off: Errors) -> tuple[Part, ...]:
     return tuple(every)
 
 
-def _summed(problem: Problem, scenes: Scenes, every: tuple[Part, ...]) -> Sums:
-    """Sum up extremes and energies of a motion."""
-    dofs = problem.output_dofs
-    wanted = dofs if {"extremes", "waveform"} & problem.outputs else dofs[:0]
-    total = Sums.nothing(wanted.size)
-    for part in every:
-        if wanted.size:
-            add_extremes(part, wanted, total)
-        if "energy" in problem.outputs:
-            add_energies(scenes, part, total)
-    return total
-
-
 def contact_rows(one: Orbit, off: Errors) -> list[Columns]:
     """Return the rows of all contact phases of a motion, in the order of their beginnings."""
     every, rows = parts(one, off), list[Columns]()
@@ -131,10 +113,11 @@ def contact_rows(one: Orbit, off: Errors) -> list[Columns]:
 def _forces(one: Orbit, every: tuple[Part, ...], which: Iterable[int], a: int, sign: int) -> Sums:
     """Sum up the force of a stop along some parts."""
     scenes, total = one.cell.scenes, Sums.nothing(0)
+    stop = scenes.stop(a, sign)
     for k in which:
-        part, own = every[k], Sums.nothing(0)
-        watching = scenes.watching(one.scenes[k], a, sign)
-        set_forces(scenes.stop(a, sign), scenes.scale, replace(part, side=watching), own)
+        watching, own = scenes.watching(one.scenes[k], a, sign), Sums.nothing(0)
+        part = replace(every[k], side=watching)
+        set_forces(stop, scenes.scale, Samples.of(part, of_force(stop, watching)), own)
         for name in ("peak_force", "indentation", "force_error", "indentation_error"):
             setattr(total, name, max(getattr(total, name), getattr(own, name)))
         for name in ("impulse", "rubbed", "impulse_error", "rubbed_error"):

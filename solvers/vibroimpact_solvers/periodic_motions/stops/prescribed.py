@@ -108,6 +108,13 @@ class Prescribed:
     u: Floats
     v: Floats
 
+    def at(self, which: Integers) -> Prescribed:
+        """Return some of the motions."""
+        return Prescribed(
+            self.index[which], self.d[which], self.live, self.live_loaded,
+            self.inverse[which], self.a[which], self.u[which], self.v[which],
+        )  # fmt: skip
+
 
 def pieces(phases: Phases, cells: Cells, index: Integers, d: Floats) -> list[Integers]:
     """Return motions grouped such that matrices of a group are small: indices of each group."""

@@ -1,0 +1,181 @@
+"""What is summed up along solutions: extremes, energies, forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.meter import look
+from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.periodic_motions.stops.along import Part, Samples
+from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side, Stop
+from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
+
+_ROUNDED: Final = 8.0
+
+
+@dataclass(eq=False, slots=True)
+class Sums:
+    """What is summed up along a cell of one solution, in the problem's units but for the time.
+
+    Parameters
+    ----------
+    highest, lowest, squares : array, shape (dof,)
+    work, dissipated, flow : float
+        Work of the load, losses by the structure's damping, integral of the power's modulus.
+    peak_force, indentation, impulse, rubbed : float
+        Of the contact phase; rubbed is the integral of the squared rate of the indentation.
+    x_error : array, shape (dof,)
+    rms_error : array, shape (dof,)
+        Integrals of errors of squares.
+    energy_error, force_error, indentation_error, impulse_error, rubbed_error : float
+    """
+
+    highest: Floats
+    lowest: Floats
+    squares: Floats
+    x_error: Floats
+    rms_error: Floats
+    work: float = 0.0
+    dissipated: float = 0.0
+    flow: float = 0.0
+    work_error: float = 0.0
+    loss_error: float = 0.0
+    peak_force: float = 0.0
+    indentation: float = 0.0
+    impulse: float = 0.0
+    rubbed: float = 0.0
+    force_error: float = 0.0
+    indentation_error: float = 0.0
+    impulse_error: float = 0.0
+    rubbed_error: float = 0.0
+
+    @classmethod
+    def nothing(cls, dofs: int) -> Sums:
+        """Return the sums over no time."""
+        none, some = np.full(dofs, np.inf), np.zeros((3, dofs))
+        return cls(-none, none, *some)
+
+
+def sums(
+    problem: Problem,
+    structure: Phases | Scenes,
+    every: Sequence[Part],
+    contact: tuple[int, Stop] | None = None,
+) -> Sums:
+    """Sum up the parts of one solution, one of them the contact phase of a stop if it is given."""
+    dofs = problem.output_dofs
+    wanted = dofs if {"extremes", "waveform"} & problem.outputs else dofs[:0]
+    total = Sums.nothing(wanted.size)
+    for place, part in enumerate(every):
+        look()
+        side, forms = part.side, list[Floats]()
+        stop = contact[1] if contact is not None and contact[0] == place else None
+        if wanted.size:
+            forms.append(forms_of(side, wanted)[0])
+        if "energy" in problem.outputs:
+            forms.append(_rates(side))
+        if stop is not None:
+            forms.append(of_force(stop, side))
+        if not forms:
+            continue
+        samples = Samples.of(part, np.concatenate(forms))
+        if wanted.size:
+            _add_extremes(samples, wanted, total)
+        if "energy" in problem.outputs:
+            _add_energies(structure, samples, total)
+        if stop is not None:
+            set_forces(stop, structure.scale, samples, total)
+    return total
+
+
+def forms_of(side: Side, dofs: Integers) -> tuple[Floats, Floats]:
+    """Return displacements as forms, (dof, 2 pair), and their values at the zero of states."""
+    modes = side.basis.modes
+    shapes = modes.shapes[dofs]
+    still = modes.base[dofs] + shapes @ side.basis.still
+    return side.basis.displacement(shapes).reshape(len(shapes), -1), still
+
+
+def _rates(side: Side) -> Floats:
+    """Return the rates of modal coordinates as forms, (mode, 2 pair)."""
+    n = side.vectors.shape[1]
+    return side.basis.velocity(np.eye(n)).reshape(n, -1)
+
+
+def of_force(stop: Stop, side: Side) -> Floats:
+    """Return the force of a stop, the indentation and its rate as forms, (3, 2 pair)."""
+    a, sign = stop.impact.constraint, float(stop.impact.side)
+    return np.stack([side.force, sign * side.position[a], sign * side.velocity[a]])
+
+
+def _add_extremes(samples: Samples, dofs: Integers, total: Sums) -> None:
+    """Add the extremes and the mean squares of displacements along a part."""
+    form, still = forms_of(samples.part.side, dofs)
+    weights, x = samples.nodes.weights, samples.states @ form.T + still
+    ripple = samples.ripple(form)
+    total.squares += weights @ x**2
+    both = samples.peaks(
+        np.concatenate([form, -form]),
+        np.concatenate([still, -still]),
+        np.concatenate([x, -x], axis=1),
+    )
+    highest, lowest = both[: still.size], -both[still.size :]
+    total.highest = np.maximum(total.highest, highest)
+    total.lowest = np.minimum(total.lowest, lowest)
+    error = samples.part.error_of(form) + _ROUNDED * EPS * np.abs(still)
+    if samples.nodes.left.size:
+        beyond = np.maximum(x - highest, lowest - x) + 2.0 * ripple
+        error = np.maximum(error, beyond.max(axis=0))
+    total.x_error = np.maximum(total.x_error, error)
+    total.rms_error += weights @ (ripple * (2.0 * np.abs(x) + ripple))
+
+
+def _add_energies(structure: Phases | Scenes, samples: Samples, total: Sums) -> None:
+    """Add the work of the load and what damping of the structure dissipates."""
+    part, nodes = samples.part, samples.nodes
+    side, scale = part.side, structure.scale
+    free = structure.stopped.placed(()).basis.modes
+    forces = structure.forces @ free.shapes  # modal, of the open structure
+    pushed, modal = forces * part.turned[:, np.newaxis], _rates(side)
+    weights, flow = nodes.weights / scale, np.exp(1j * nodes.times[:, np.newaxis] * part.rates)
+    _, rate = side.coordinates_of(samples.states)
+    v = scale * (rate @ side.vectors.T)
+    load = (flow @ pushed).real
+    total.work += float(weights @ (load * v).sum(axis=1))
+    total.flow += float(weights @ (np.abs(load) * np.abs(v)).sum(axis=1))
+    off = scale * (part.error_of(modal) + samples.ripple(modal)) @ np.abs(side.vectors).T
+    total.work_error += float(weights @ (np.abs(load) * off).sum(axis=1))
+    if free.damping is not None and free.damping.size:
+        dragged = v @ free.damping
+        total.dissipated += float(weights @ (dragged * v).sum(axis=1))
+        each = (np.abs(dragged) * off).sum(axis=1) * 2.0 + v**2 @ free.damping_errors
+        total.loss_error += float(weights @ each)
+
+
+def set_forces(stop: Stop, scale: float, samples: Samples, total: Sums) -> None:
+    """Sum up the force of a stop along a part, whose side has the form of this force."""
+    part, weights = samples.part, samples.nodes.weights / scale
+    side, k, a = part.side, stop.stiffness, stop.impact.constraint
+    forms = of_force(stop, side)
+    still = side.force_level / k if k > 0.0 else stop.impact.side * side.level[a] - stop.wall
+    levels = np.array([side.force_level, still, 0.0])
+    off, ripple = part.error_of(forms), samples.ripple(forms)
+    errors = off[:2] + _ROUNDED * EPS * np.array([side.force_size, abs(still)])
+    steady_error = float(errors[0])
+    values = samples.states @ forms.T + levels
+    seen, speed = values[:, :2], values[:, 2]
+    best = samples.peaks(forms[:2], levels[:2], seen)
+    if samples.nodes.left.size:
+        errors = np.maximum(errors, (seen - best + 2.0 * ripple[:, :2]).max(axis=0))
+    total.peak_force, total.indentation = (float(value) for value in best)
+    total.impulse = float(weights @ seen[:, 0])
+    v, fast = scale * speed, scale * (float(off[2]) + ripple[:, 2])
+    total.rubbed = float(weights @ v**2)
+    total.rubbed_error = float(weights @ ((2.0 * np.abs(v) + fast) * fast))
+    total.force_error, total.indentation_error = (float(e) for e in errors)
+    total.impulse_error = steady_error * part.length / scale + float(weights @ ripple[:, 0])
