@@ -16,6 +16,7 @@ from tests.reference.periodic import Impact, Motion, Structure
 from vibroimpact_solvers import impact_modes
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.errors import ModelError, PlanError
+from vibroimpact_solvers.laws import Law, Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
 from vibroimpact_solvers.results.impact_modes import Reason
@@ -255,18 +256,21 @@ def test_no_solution_is_missed(seed: int) -> None:
         assert rows.sum() <= crossings + 2  # two roots between neighbouring phases
 
 
-def test_the_higher_of_almost_equal_peaks_is_the_extreme() -> None:
+@pytest.mark.parametrize("small", [1e-3, 1e-5])
+@pytest.mark.parametrize("law", [Rigid(1.0), Linear(10.0, 0.0)])
+def test_the_higher_of_almost_equal_peaks_is_the_extreme(law: Law, small: float) -> None:
     """Where twice the drive's frequency dominates, a period has two peaks of almost one height."""
-    M, C, K, far = np.eye(1), 0.02 * np.eye(1), np.eye(1), Constraint((0,), (1.0,), None, 1e3)
+    M, C, K = np.eye(1), 0.02 * np.eye(1), np.eye(1)
+    far = Constraint((0,), (1.0,), None, 1e3, law=law)
     matrices = (SymmetricMatrix.dense(A) for A in (M, K))
     system = System(*matrices, (far,), C=SymmetricMatrix.dense(C))
     Omega = np.linspace(0.31, 0.69, 40)
-    load = (driven.Force((0,), (1.0,), 1e-3), driven.Force((0,), (1.0,), 1.0, 2, 0.4))
+    load = (driven.Force((0,), (1.0,), small), driven.Force((0,), (1.0,), 1.0, 2, 0.4))
     result = solved(driven.Problem(system, Omega, load, outputs=frozenset({"extremes"})))
     theta = np.linspace(0.0, TWO_PI, 200_001)
     for row, rate in enumerate(Omega):
         x = np.zeros_like(theta)
-        for h, amplitude, phase in ((1, 1e-3, 0.0), (2, 1.0, 0.4)):
+        for h, amplitude, phase in ((1, small, 0.0), (2, 1.0, 0.4)):
             response = amplitude / (1.0 - (h * rate) ** 2 + 0.02j * h * rate)
             x += (response * np.exp(1j * (h * theta + phase))).real
         bend = 4.0 * np.abs(x).max() * (theta[1] / 2.0) ** 2 / 2.0
