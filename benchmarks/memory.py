@@ -73,12 +73,13 @@ def _grown(work: Work) -> float:
     """Return by how many mebibytes this process grows at most while it does some work."""
     _impact_modes(chain, _DOFS, 100)
     _history(1000)
-    before = _status("VmRSS")
+    before = status("VmRSS")
     work()
-    return _status("VmHWM") - before
+    return status("VmHWM") - before
 
 
-def _status(field: str) -> float:
+def status(field: str) -> float:
+    """Return the mebibytes that the system says of this process: ``VmRSS``, at most ``VmHWM``."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(field)) / _MEBI
 

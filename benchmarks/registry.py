@@ -105,7 +105,8 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
     Benchmark(
         "scaling",
         "Scaling",
-        "cost against size, frequencies, impacts and threads; memory; large structures",
+        "cost against size, frequencies, impacts and threads; memory; large structures; large "
+        "models from files",
         (
             "scaling.size",
             "scaling.modes",
@@ -114,6 +115,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
             "scaling.threads",
             "memory.memory",
             "scaling.large",
+            "large_models.large_models",
         ),
     ),
     Benchmark(

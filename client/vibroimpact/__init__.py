@@ -85,6 +85,7 @@ if TYPE_CHECKING:
         read_nodes,
         reduce,
     )
+    from vibroimpact.records import Record, read_record
 
 
 def __getattr__(name: str) -> Any:
@@ -97,11 +98,13 @@ def __getattr__(name: str) -> Any:
         "read_model",
         "read_nodes",
         "reduce",
+        "Record",
+        "read_record",
     ):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from vibroimpact import models
+    from vibroimpact import models, records
 
-    return getattr(models, name)
+    return getattr(records if name in ("Record", "read_record") else models, name)
 
 
 def __dir__() -> list[str]:
@@ -138,6 +141,7 @@ __all__ = [
     "NotFound",
     "PeriodicMotions",
     "Plan",
+    "Record",
     "Reduction",
     "Resonances",
     "Result",
@@ -175,6 +179,7 @@ __all__ = [
     "periodic_motions_request",
     "read_model",
     "read_nodes",
+    "read_record",
     "reduce",
     "resonances_request",
     "sampled",

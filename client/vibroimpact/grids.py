@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any, Final
 
@@ -51,18 +51,27 @@ def _equally_spaced(start: Any, stop: Any, num: Any) -> Document:
     }
 
 
-def axis(path: str, values: Any) -> Document:
-    """Return the document of a sweep axis.
+def axes(given: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> list[Document]:
+    """Return the documents of sweep axes.
 
     Parameters
     ----------
-    path : str
-        Path of the number that varies, such as ``"system.constraints.0.gap"``.
-    values : array, (start, stop, num) or dict
-        Values of the number. Sweeps over ``start``, ``stop`` and ``step`` reuse the parts that
-        longer or shifted sweeps with the same step have computed; ``name`` names the dimension.
+    given : mapping or sequence of dict
+        Path of the number that varies, such as ``"system.constraints.0.gap"`` -> its values: an
+        array, (start, stop, num) or a dictionary; or such documents, each with its ``path``.
+        Sweeps over ``start``, ``stop`` and ``step`` reuse the parts that longer or shifted sweeps
+        with the same step have computed; ``name`` names the dimension.
+
+    Raises
+    ------
+    TypeError
+        If they are neither, or a document has no path.
     """
-    return {"path": path} | times(values, path)
+    if isinstance(given, Mapping):
+        return [{"path": path} | times(values, path) for path, values in given.items()]
+    if not all(isinstance(each, Mapping) and "path" in each for each in given):
+        raise TypeError("axes must map paths to values, or be dictionaries with a path each")
+    return [dict(each) for each in given]
 
 
 def angular(unit: str, time: str = "s") -> float:

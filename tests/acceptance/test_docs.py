@@ -213,8 +213,16 @@ def test_the_shaken_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_tube_from_nastran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    program_files.tube(tmp_path)
+    for name in ("tube.op4", "tube.bdf"):
+        shutil.copy(ROOT / "docs/stories" / name, tmp_path)
     names = _run("docs/stories/nastran.md")
+    (tmp_path / "again").mkdir()
+    program_files.tube(tmp_path / "again")
+    assert (tmp_path / "again/tube.bdf").read_text() == (tmp_path / "tube.bdf").read_text()
+    again = vi.read_model(tmp_path / "again/tube.op4", nodes=tmp_path / "tube.bdf", supports=True)
+    for name in ("M", "K"):
+        expected = getattr(again, name).toarray()
+        np.testing.assert_allclose(getattr(names["tube"], name).toarray(), expected, rtol=1e-13)
     assert names["tube"].n == 240
     # Clamped at one end: the first root of cos x cosh x = -1 is 1.8751, the second 4.6941.
     inertia_by_area = (0.025**2 + 0.022**2) / 4

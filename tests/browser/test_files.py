@@ -17,6 +17,7 @@ from playwright.sync_api import Page, expect
 
 from tests.browser.visits import Visit
 from tests.client import program_files
+from tests.client.model_files import dense
 
 N = 5
 M = np.diag(np.linspace(1.0, 2.0, N))
@@ -87,15 +88,6 @@ def _calculix(folder: Path) -> list[str]:
     return ["job.sti", "job.mas.gz"]
 
 
-def _dense(matrix: Any) -> np.ndarray:
-    if isinstance(matrix, list):
-        return np.array(matrix)
-    if "scalar" in matrix:
-        return matrix["scalar"] * np.eye(matrix["n"])
-    places = (matrix["row"], matrix["col"])
-    return sparse.coo_array((matrix["data"], places), shape=matrix["shape"]).toarray()
-
-
 def _stored(page: Page, console: Visit, files: list[Path]) -> Any:
     """Upload files and return what the service has stored then."""
     with page.expect_response(re.compile("/v1/systems$")) as answer:
@@ -125,8 +117,8 @@ def test_files_are_sent_as_they_are(
 ) -> None:
     page = console.open("modes")
     system = _stored(page, console, [tmp_path / name for name in write(tmp_path)])
-    np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-7)
-    np.testing.assert_allclose(_dense(system["K"]), K, rtol=1e-13)
+    np.testing.assert_allclose(dense(system["M"]), M, rtol=1e-7)
+    np.testing.assert_allclose(dense(system["K"]), K, rtol=1e-13)
     expect(page.locator("#message")).to_be_empty()
 
 
@@ -135,8 +127,8 @@ def test_the_order_of_files_is_any(console: Visit, tmp_path: Path) -> None:
     for name, matrix in (("stiffness", K), ("mass", M)):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sparse.coo_array(matrix))
     system = _stored(page, console, [tmp_path / "stiffness.mtx", tmp_path / "mass.mtx"])
-    np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-15)
-    np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+    np.testing.assert_allclose(dense(system["M"]), M, rtol=1e-15)
+    np.testing.assert_allclose(dense(system["K"]), K, rtol=0)
 
 
 def test_lists_of_entries_are_placed_by_their_nodes(console: Visit, tmp_path: Path) -> None:
@@ -149,15 +141,15 @@ def test_lists_of_entries_are_placed_by_their_nodes(console: Visit, tmp_path: Pa
         (tmp_path / f"{name}.mtx").write_text("\n".join(lines))
     page = console.open("modes")
     system = _stored(page, console, [tmp_path / "M.mtx", tmp_path / "K.mtx"])
-    np.testing.assert_allclose(_dense(system["M"]), light, rtol=0)
+    np.testing.assert_allclose(dense(system["M"]), light, rtol=0)
 
 
 def test_one_table_alone_is_the_stiffness_of_unit_masses(console: Visit, tmp_path: Path) -> None:
     np.savetxt(tmp_path / "anything.csv", K, delimiter=",")
     page = console.open("modes")
     system = _stored(page, console, [tmp_path / "anything.csv"])
-    np.testing.assert_allclose(_dense(system["M"]), np.eye(N), rtol=0)
-    np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+    np.testing.assert_allclose(dense(system["M"]), np.eye(N), rtol=0)
+    np.testing.assert_allclose(dense(system["K"]), K, rtol=0)
 
 
 def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path: Path) -> None:
@@ -174,7 +166,7 @@ def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path:
     )
     exec(line)
     system = _stored(page, console, [tmp_path / "wing.npz"])
-    np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-15)
+    np.testing.assert_allclose(dense(system["M"]), M, rtol=1e-15)
     expect(page.locator("#message")).to_be_empty()
 
 
@@ -185,7 +177,7 @@ def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path:
         ("K.csv", "1, x\n2, 3\n", "line 1: 'x' is not a number"),
         ("K.mtx", "1 1\n2 2\n", "line 1: 2 numbers; lists of entries have 3 or 5"),
         ("K.npz", "no archive", "K.npz: it is no archive of numpy"),
-        ("K.mtx", "2 2 2\n1 1 2.5\n2 2 1.5\n", "line 1: it can be an entry, or the size"),
+        ("K.mtx", "3 3 3\n1 1 2\n2 2 5\n2 1 1\n", "line 1: it can be an entry, or the size"),
         ("K.mtx", "1 1 0x10\n", "'0x10' is hexadecimal"),
         ("K.mtx", "1.5 1 2\n", "line 1: '1.5' is not a whole number"),
         ("K.csv", "1,5;2\n2;3\n", "line 1: '1,5' has a decimal comma"),

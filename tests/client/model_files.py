@@ -50,6 +50,16 @@ def market(matrix: np.ndarray, form: str = "coordinate", symmetry: str = "symmet
     return head + f"{n} {n} {len(entries)}\n" + "".join(lines)
 
 
+def dense(matrix: Any) -> np.ndarray:
+    """Return the array of a matrix in a document."""
+    if isinstance(matrix, list):
+        return np.array(matrix)
+    if "scalar" in matrix:
+        return matrix["scalar"] * np.eye(matrix["n"])
+    places = (matrix["row"], matrix["col"])
+    return sparse.coo_array((matrix["data"], places), shape=matrix["shape"]).toarray()
+
+
 def coordinates(matrix: np.ndarray) -> str:
     return "".join(f"{i + 1}  {j + 1}  {v:.16e}\n" for i, j, v in everywhere(matrix))
 

@@ -348,6 +348,23 @@ def test_a_file_that_is_not_used_is_an_error(tmp_path: Path) -> None:
     assert model.C is not None
 
 
+@pytest.mark.parametrize(
+    "names",
+    [("beam_M.mtx", "beam_K.mtx"), ("M_beam.mtx", "K_beam.mtx"), ("m-2.csv", "k-2.csv"),
+     ("mass of it.csv", "stiffness of it.csv"), ("c_frame_MASS1.mtx", "c_frame_STIF1.mtx")],
+)  # fmt: skip
+def test_names_of_files_tell_their_matrices(tmp_path: Path, names: tuple[str, str]) -> None:
+    """By the last word of them, and the first where the last says nothing."""
+    matrices = files.model(np.random.default_rng(11))
+    for name, which in zip(names, "MK", strict=True):
+        write = files.market if name.endswith("mtx") else files.rows
+        (tmp_path / name).write_text(write(matrices[which]))
+    for given in (names, names[::-1]):
+        model = vi.read_model(*(tmp_path / name for name in given))
+        assert model.M.toarray().tolist() == matrices["M"].tolist()
+        assert model.K.toarray().tolist() == matrices["K"].tolist()
+
+
 def test_single_precision_has_a_way_out(tmp_path: Path) -> None:
     rng = np.random.default_rng(11)
     K = files.model(rng, 30)["K"]

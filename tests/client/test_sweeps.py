@@ -12,7 +12,7 @@ import xarray
 
 import vibroimpact as vi
 from vibroimpact import sweep_request
-from vibroimpact.grids import axis
+from vibroimpact.grids import axes
 from vibroimpact.sweep_plots import draw
 from vibroimpact_schema.sweeps import SweepRequest
 
@@ -38,16 +38,25 @@ BASE = {
     ],
 )
 def test_axes_from_what_is_at_hand(given: Any, expected: dict[str, Any]) -> None:
-    assert axis("system.stiffness", given) == {"path": "system.stiffness"} | expected
+    document = {"path": "system.stiffness"} | expected
+    assert axes({"system.stiffness": given}) == [document]
+    assert axes([document]) == [document]  # as over HTTP
+
+
+def test_axes_without_paths_are_refused() -> None:
+    for given in ([{"values": [1.0]}], [("system.stiffness", [1.0])]):
+        with pytest.raises(TypeError, match="map paths to values, or be dictionaries with a path"):
+            axes(given)  # type: ignore[arg-type]
 
 
 def test_requests_fit_the_contract() -> None:
-    axes = {"system.constraints.0.gap": (0.1, 0.2, 3), "system.stiffness": [1.0, 2.0]}
-    request = sweep_request("impact-modes", BASE, axes, ["impulse"])
+    given = {"system.constraints.0.gap": (0.1, 0.2, 3), "system.stiffness": [1.0, 2.0]}
+    request = sweep_request("impact-modes", BASE, given, ["impulse"])
     checked = SweepRequest.model_validate(request)
-    assert [a.path for a in checked.root.axes] == list(axes)
+    assert [a.path for a in checked.root.axes] == list(given)
     assert checked.points == 6
-    assert "outputs" not in sweep_request("impact-modes", BASE, axes)
+    assert "outputs" not in sweep_request("impact-modes", BASE, given)
+    assert sweep_request("impact-modes", BASE, request["axes"], ["impulse"]) == request
 
 
 class Played:

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
-from vibroimpact import measurements
+from vibroimpact import grids, measurements
 from vibroimpact.arguments import hyphenated, names
 from vibroimpact.computations.driven import Curves, DrivenComputations, Motions, Settled
 from vibroimpact.computations.fields import integer, present
 from vibroimpact.computations.histories import History, HistoryComputations, Many, Slow
 from vibroimpact.computations.modes import Bands, ModeComputations, Modes, Natural, Resonant
-from vibroimpact.grids import axis
 
 if TYPE_CHECKING:
     from vibroimpact import documents
     from vibroimpact.arguments import Document
     from vibroimpact.computations.fields import Values
 
+    Axis = documents.AxisValues | documents.AxisPoints | documents.AxisSteps
     Swept = Literal[
         "natural-frequencies",
         "impact-modes",
@@ -245,7 +245,7 @@ class Computations(
         self,
         kind: Swept,
         base: documents.BaseRequest,
-        axes: Mapping[str, Values],
+        axes: Mapping[str, Values] | Sequence[Axis],
         outputs: Sequence[str] | None = None,
         *,
         continued: bool = False,
@@ -261,10 +261,11 @@ class Computations(
             Kind of computation, such as ``"impact-modes"``.
         base : dict
             A request of that kind, for example from `impact_modes_request`.
-        axes : mapping
+        axes : mapping or sequence of dict
             Path of a number in the base -> its values: an array, (start, stop, num), or a
-            dictionary with start, stop and step; they may descend. The axes are the first
-            dimensions of the results, in this order.
+            dictionary with start, stop and step; they may descend. Or a list of dictionaries with
+            their path, as over HTTP. The axes are the first dimensions of the results, in this
+            order.
         outputs : sequence of str, optional
             Quantities to compute; default: the outputs of the base.
         continued : bool
@@ -277,7 +278,7 @@ class Computations(
         request: Document = {
             "kind": hyphenated(kind),
             "base": dict(base),
-            "axes": [axis(path, values) for path, values in axes.items()],
+            "axes": grids.axes(axes),
         }
         if outputs is not None:
             request["outputs"] = names(outputs)

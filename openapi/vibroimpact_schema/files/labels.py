@@ -94,8 +94,9 @@ def meaning(name: str) -> str:
 
 
 def of_file(stem: str) -> str:
-    """Return the name of a matrix in that of its file: ``K``, ``job_STIF1``, ``model-mass``."""
-    for part in (stem, re.split(r"[_.\- ]", stem)[-1]):
+    """Return the name of a matrix in that of its file: ``K``, ``job_STIF1``, ``mass-model``."""
+    words = re.split(r"[_.\- ]", stem)
+    for part in (stem, words[-1], words[0]):
         for name in (part, part.rstrip("0123456789")):
             if meaning(name):
                 return name

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 from httpx2 import Response
-from scipy import sparse
 from starlette.testclient import TestClient
 
 import vibroimpact as vi
 from tests.client import model_files
 from tests.client import program_files as programs
+from tests.client.model_files import dense
 from tests.schema.files.uploads import FORMATS, MODEL, write
 
 ROUTE = "/v1/systems"
@@ -37,15 +37,6 @@ def _stored(http: TestClient, files: Files) -> dict[str, Any]:
     return document | {"answer": answer.json()}
 
 
-def _dense(matrix: Any) -> np.ndarray:
-    if isinstance(matrix, list):
-        return np.array(matrix)
-    if "scalar" in matrix:
-        return matrix["scalar"] * np.eye(matrix["n"])
-    places = (matrix["row"], matrix["col"])
-    return sparse.coo_array((matrix["data"], places), shape=matrix["shape"]).toarray()
-
-
 @pytest.mark.parametrize("form", FORMATS)
 def test_the_service_reads_what_the_client_reads(
     http: TestClient, tmp_path: Path, form: str
@@ -58,7 +49,7 @@ def test_the_service_reads_what_the_client_reads(
         given = getattr(model, name)
         assert (given is None) == (name not in system)
         if given is not None:
-            assert np.array_equal(_dense(system[name]), given.toarray())
+            assert np.array_equal(dense(system[name]), given.toarray())
             rtol = {"dmig": 1e-8, "dmig small": 5e-3}.get(form, 1e-13)
             np.testing.assert_allclose(given.toarray(), MODEL[name], rtol=rtol)
     # The same structure as JSON has the same id, and so has it in another order of the files.
@@ -79,10 +70,10 @@ def test_parts_name_matrices_that_files_do_not(http: TestClient) -> None:
     first, second = model_files.market(MODEL["M"]), model_files.rows(MODEL["K"])
     files = [("M", "first.mtx", first.encode()), ("K", "second.csv.gz", gzip.compress(second.encode()))]  # fmt: skip # noqa: E501
     system = _stored(http, files)
-    assert np.array_equal(_dense(system["M"]), MODEL["M"])
-    assert np.array_equal(_dense(system["K"]), MODEL["K"])
+    assert np.array_equal(dense(system["M"]), MODEL["M"])
+    assert np.array_equal(dense(system["K"]), MODEL["K"])
     alone = _stored(http, [("file", "second.csv", second.encode())])
-    assert np.array_equal(_dense(alone["M"]), np.eye(6))
+    assert np.array_equal(dense(alone["M"]), np.eye(6))
     answer = _post(http, [("file", "mass.csv", second.encode())])
     assert answer.status_code == 422
     assert answer.json()["detail"] == "/K: no file has the stiffness K; there is M"
@@ -95,7 +86,7 @@ def test_rows_of_lists_are_placed_by_their_nodes(http: TestClient, tmp_path: Pat
     contents = {"job_MASS1.mtx": model_files.abaqus(light).encode(),
                 "job_STIF1.mtx": model_files.abaqus(MODEL["K"]).encode()}  # fmt: skip
     system = _stored(http, [("file", name, data) for name, data in contents.items()])
-    assert np.array_equal(_dense(system["M"]), light)
+    assert np.array_equal(dense(system["M"]), light)
     model = vi.read_model(*write(tmp_path, contents))
     assert np.array_equal(model.M.toarray(), light)
 
@@ -217,5 +208,5 @@ def test_nearly_symmetric_matrices_become_their_mean(http: TestClient, tmp_path:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model = vi.read_model(*write(tmp_path, contents))
-    assert np.array_equal(_dense(system["K"]), model.K.toarray())
-    assert np.array_equal(_dense(system["K"]), 0.5 * (uneven + uneven.T))
+    assert np.array_equal(dense(system["K"]), model.K.toarray())
+    assert np.array_equal(dense(system["K"]), 0.5 * (uneven + uneven.T))
