@@ -76,6 +76,40 @@ def test_restitution_is_offered_where_there_is_no_stiffness(console: Visit) -> N
     expect(group.get_by_label("Stop damping")).to_be_hidden()
 
 
+@pytest.mark.parametrize(
+    ("law", "document", "exponent"),
+    [
+        ("hertz", {"type": "hertz", "stiffness": 20}, 1.5),
+        ("power", {"type": "power", "stiffness": 20, "exponent": 2.2}, 2.2),
+    ],
+)
+def test_forces_of_stops_may_grow_with_a_power(
+    console: Visit, law: str, document: dict[str, Any], exponent: float
+) -> None:
+    page = console.open("history", SOFT, v=1, duration=20)
+    _done(page)
+    group = page.get_by_role("group", name="Stop 0")
+    expect(group.get_by_label("Exponent")).to_be_hidden()
+    with page.expect_response("**/compute/time-history") as answer:
+        group.get_by_label("Law of its force").select_option(law)
+        if law == "power":
+            group.get_by_label("Exponent").fill("2.2")
+    expect(group.get_by_label("Stop damping")).to_be_hidden()
+    expect(group.get_by_label("Exponent")).to_be_visible(visible=law == "power")
+    sent = answer.value.request.post_data_json["system"]["constraints"][0]
+    assert sent["law"] == document
+    contacts = answer.value.json()["contacts"]
+    # The law itself, at the deepest point of each contact.
+    for force, depth in zip(contacts["peak_force"], contacts["indentation"], strict=True):
+        assert force == pytest.approx(20 * depth**exponent, rel=1e-6)
+    expect(page.locator(".readout").first).to_contain_text(f"{len(contacts['start'])} contacts")
+    # It is kept in the address, and other views say what they do not compute.
+    page.reload()
+    expect(group.get_by_label("Law of its force")).to_have_value(law)
+    page.get_by_role("link", name="Driven response").click()
+    expect(group.locator(".fault").filter(has_text=f"has a {law} one")).to_be_visible()
+
+
 def test_forces_stand_below_the_displacement(console: Visit, tmp_path: Path) -> None:
     with console.page.expect_response("**/compute/time-history") as answer:
         page = console.open("history", SOFT, v=1, duration=20)

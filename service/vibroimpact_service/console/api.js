@@ -53,7 +53,7 @@ export async function send(method, path, body, headers = {}, signal) {
   const sent = { Accept: "application/json", ...headers };
   const form = body instanceof FormData; // the browser names its boundary
   const raw = form || body instanceof Blob;
-  if (body !== undefined && !form && !sent["Content-Type"]) sent["Content-Type"] = raw ? body.type : "application/json";
+  if (body !== undefined && !form && !sent["Content-Type"]) sent["Content-Type"] = body instanceof Blob ? body.type : "application/json";
   if (key()) sent.Authorization = `Bearer ${key()}`;
   const content = body === undefined || raw ? body : JSON.stringify(body);
   let answer;
