@@ -185,7 +185,7 @@ def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path:
         ("K.csv", "1, x\n2, 3\n", "line 1: 'x' is not a number"),
         ("K.mtx", "1 1\n2 2\n", "line 1: 2 numbers; lists of entries have 3 or 5"),
         ("K.npz", "no archive", "K.npz: it is no archive of numpy"),
-        ("K.mtx", "2 2 2\n1 1 2.5\n2 2 1.5\n", "line 1: it can be an entry, or the size"),
+        ("K.mtx", "3 3 3\n1 1 2\n2 2 5\n2 1 1\n", "line 1: it can be an entry, or the size"),
         ("K.mtx", "1 1 0x10\n", "'0x10' is hexadecimal"),
         ("K.mtx", "1.5 1 2\n", "line 1: '1.5' is not a whole number"),
         ("K.csv", "1,5;2\n2;3\n", "line 1: '1,5' has a decimal comma"),

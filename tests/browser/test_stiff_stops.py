@@ -218,6 +218,42 @@ def test_beams_are_recognised_by_their_stiffness_alone(console: Visit) -> None:
     assert beams[2:] == [None, None]
 
 
+def test_derivatives_of_a_motion_at_the_time_of_the_cursor(console: Visit) -> None:
+    structure = {
+        "form": "oscillator",
+        "damping": 0.05,
+        "stops": [{"dof": 0, "lower": 0.5, "upper": 0.5, "restitution": 0.8}],
+    }
+    page = console.open("history", structure, v=1, duration=10)
+    _done(page)
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("slider", name="Time").fill("0.5")
+    with page.expect_response(
+        lambda answer: "derivatives" in (answer.request.post_data or "")
+    ) as waited:
+        page.get_by_text("How it changes with the structure").click()
+    asked = waited.value.request.post_data_json
+    assert asked["t"] == [5.0]
+    assert asked["derivatives"] == [
+        "system.constraints.0.gap", "system.constraints.0.restitution", "system.K.scale",
+        "system.M.scale", "system.zeta", "initial.v.0",
+    ]  # fmt: skip
+    rows = page.locator(".rates tbody tr")
+    expect(rows).to_have_count(18)
+    shares = [float(str(each).split()[0].replace("−", "-")) for each in (
+        rows.nth(i).locator("td").nth(1).text_content() for i in range(18))]  # fmt: skip
+    x, time, speed = (shares[start::3] for start in range(3))
+    # All lengths grow with gap and initial velocity alike; times do not change then.
+    assert x[0] + x[5] == pytest.approx(1.0, abs=0.02)
+    assert time[0] + time[5] == pytest.approx(0.0, abs=0.02)
+    assert speed[0] + speed[5] == pytest.approx(1.0, abs=0.02)
+    # They follow the cursor, and stops with a stiffness have none.
+    with page.expect_response(lambda answer: "derivatives" in (answer.request.post_data or "")):
+        page.get_by_role("slider", name="Time").fill("0.7")
+    page.get_by_role("group", name="Stop 0").get_by_label("Stiffness").fill("50")
+    expect(page.locator(".rates")).to_be_hidden()
+
+
 def test_derivatives_of_the_mode_at_the_cursor(console: Visit) -> None:
     """Units tell sums of them: momentum is mass times length over time."""
     page = console.open("modes", {"form": "chain"}, Omega=2.29, points=100)
