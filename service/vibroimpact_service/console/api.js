@@ -6,7 +6,7 @@ import { remember, submitted } from "./submitted.js";
  * @typedef {{pointer: string, parameter?: string | null, code: string, message: string}} Fault
  * @typedef {{detail?: string, title?: string, errors?: Fault[], request_id?: string}} ProblemDocument
  * @typedef {{id: string, version: number, kind: string, state: string, final: boolean, phase: string,
- *   waiting_reason: string | null, progress: {done: number, total: number}, created: string,
+ *   waiting_reason: string | null, progress: {done: number, total: number}, created: string, name?: string | null,
  *   started: string | null, finished: string | null, attempts: number, error: ProblemDocument | null,
  *   result: string | null, digest: string, reused: boolean, estimate: number | null}} Job
  */

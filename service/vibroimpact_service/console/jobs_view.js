@@ -125,17 +125,17 @@ export class JobsView {
     const cell = (...content) => make("td", {}, ...content);
     const known = submitted(job.digest);
     const of = `job ${job.id.slice(4, 12)}`;
-    const name = make("input", { value: known.name || "", placeholder: "unnamed", "aria-label": `Name of ${of}`, class: "named" });
+    const name = make("input", { value: known.name || "", placeholder: job.name || "unnamed", "aria-label": `Name of ${of}`, class: "named" });
     name.addEventListener("change", () => {
       remember(job.digest, { name: name.value.trim() });
       row.dataset.text = `${name.value} ${job.id} ${job.digest}`;
     });
-    Object.assign(row.dataset, { text: `${known.name || ""} ${job.id} ${job.digest}`, looked: String(Boolean(known.looked)), removed: String(Boolean(known.removed)) });
+    Object.assign(row.dataset, { text: `${known.name || job.name || ""} ${job.id} ${job.digest}`, looked: String(Boolean(known.looked)), removed: String(Boolean(known.removed)) });
     const choose = known.address ? make("input", { type: "checkbox", name: "chosen", value: known.address, "aria-label": `Choose ${of}`, onchange: () => { this.compare.disabled = this.#chosen().length !== 2; } }) : null;
     const open = row.contains(document.activeElement) ? document.activeElement : null;
     if (open instanceof HTMLInputElement && open.className === "named") return;
     row.replaceChildren(
-      cell(choose), cell(new Date(job.created).toLocaleString(), make("br"), make("code", {}, job.id.slice(0, 12))), cell(name), cell(known.structure || "–"),
+      cell(choose), cell(new Date(job.created).toLocaleString(), make("br"), make("code", {}, job.id.slice(0, 12))), cell(name), cell(known.structure || job.name || "–"),
       cell(job.kind), cell(make("span", { class: { succeeded: "good", failed: "bad" }[job.state] || "" }, job.reused ? `${job.state}, known before` : job.state), make("br"), make("small", {}, why || took)),
       cell(progress, ` ${job.progress.done}/${job.progress.total}`), cell(attempts), this.#acts(job));
   }
@@ -161,7 +161,7 @@ export class JobsView {
     if (job.state === "failed") acts.push(act("Retry", () => ask("POST", `/v1/jobs/${job.id}/retry`).then(() => this.update())));
     const { kind, request, address } = known;
     if (kind && request) {
-      if (job.state === "cancelled") acts.push(act("Submit again", () => this.#again({ kind, request })));
+      if (job.state === "cancelled") acts.push(act("Submit again", () => this.#again({ kind, request, name: job.name })));
       acts.push(act("curl", () => navigator.clipboard.writeText(asCurl(kind, request))), act("Python", () => navigator.clipboard.writeText(asPython(kind, request))));
     }
     if (address) acts.push(make("a", { href: address, "aria-label": `Open the view of ${of}` }, "open and change"));
@@ -183,10 +183,10 @@ export class JobsView {
 
   /**
    * Send the request of a job again, as a new job.
-   * @param {{kind: string, request: any}} known
+   * @param {{kind: string, request: any, name?: string | null}} known
    */
-  async #again({ kind, request }) {
-    await ask("POST", "/v1/jobs", { kind, request });
+  async #again({ kind, request, name }) {
+    await ask("POST", "/v1/jobs", { kind, request, ...(name ? { name } : {}) });
     await this.update();
   }
 
