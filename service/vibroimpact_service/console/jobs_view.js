@@ -22,7 +22,7 @@ export class JobsView {
     this.search = make("input", { type: "search", placeholder: "Search", "aria-label": "Search jobs by name, structure, kind, state or id", oninput: () => this.#sift() });
     this.looked = switchField("with those that views made while one looked", false, () => this.#sift(), { name: "looked" });
     this.compare = button("Compare the two chosen", () => this.#compare(), { disabled: true });
-    const heads = ["", "Created", "Name", "Structure", "Kind", "State", "Progress", "Attempts", "Acts"].map((text) => make("th", { scope: "col" }, text || make("span", { class: "visually-hidden" }, "Chosen")));
+    const heads = ["", "Created", "Name", "Queued as", "Kind", "State", "Progress", "Attempts", "Acts"].map((text) => make("th", { scope: "col" }, text || make("span", { class: "visually-hidden" }, "Chosen")));
     this.table = make("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Table of jobs" }, make("table", { class: "jobs" }, make("thead", {}, make("tr", {}, ...heads)), this.body));
     this.more = button("Older jobs", () => this.#load(this.next), { hidden: true });
     root.append(make("section", { class: "card", "aria-labelledby": "jobs-title" }, make("h2", { id: "jobs-title" }, "Jobs"), make("p", { class: "row" }, this.filter, this.search, this.looked, this.compare), this.live, this.empty, this.table, this.more));
@@ -125,7 +125,7 @@ export class JobsView {
     const cell = (...content) => make("td", {}, ...content);
     const known = submitted(job.digest);
     const of = `job ${job.id.slice(4, 12)}`;
-    const name = make("input", { value: known.name || "", placeholder: job.name || "unnamed", "aria-label": `Name of ${of}`, class: "named" });
+    const name = make("input", { value: known.name || "", placeholder: "unnamed", "aria-label": `Name of ${of}`, class: "named" });
     name.addEventListener("change", () => {
       remember(job.digest, { name: name.value.trim() });
       row.dataset.text = `${name.value} ${job.id} ${job.digest}`;
