@@ -32,6 +32,22 @@ def number(name: str, given: Any) -> float:
     raise TypeError(f"{name} must be a number, not {_shown(given)}")
 
 
+def unit_names(given: Any) -> dict[str, str]:
+    """Return the units of a structure.
+
+    Raises
+    ------
+    TypeError
+        If they are not a mapping of length, mass and time, and no more, to names.
+    """
+    if isinstance(given, Mapping) and set(given) == {"length", "mass", "time"}:
+        return dict(given)
+    raise TypeError(
+        'units must be a mapping, such as {"length": "m", "mass": "kg", "time": "s"}, '
+        f"not {_shown(given)}"
+    )
+
+
 def integer(name: str, given: Any) -> int:
     """Return an integer, which may be given as a float such as 3.0.
 

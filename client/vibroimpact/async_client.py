@@ -100,9 +100,10 @@ class AsyncClient(
         *,
         deadline: float | None = None,
         webhook: documents.Webhook | None = None,
+        name: str | None = None,
     ) -> AsyncJob:
         """Queue a computation; see `Client.submit`."""
-        terms = Terms(priority, deadline, webhook)
+        terms = Terms(priority, deadline, webhook, name)
         document = await self._open.hold(conversations.submit(kind, request, terms))
         return AsyncJob(self._open, document)
 

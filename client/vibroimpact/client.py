@@ -115,6 +115,7 @@ class Client(
         *,
         deadline: float | None = None,
         webhook: documents.Webhook | None = None,
+        name: str | None = None,
     ) -> Job:
         """Queue a computation. The job is durable when this returns.
 
@@ -130,8 +131,10 @@ class Client(
             Seconds from now after which an unfinished job fails.
         webhook : mapping, optional
             ``url``, to which a message is sent when the job ends, and ``secret``, which signs it.
+        name : str, optional
+            What to call the job in lists, such as that of the console.
         """
-        terms = Terms(priority, deadline, webhook)
+        terms = Terms(priority, deadline, webhook, name)
         document = self._transport.hold(conversations.submit(kind, request, terms))
         return Job(self._transport, document)
 

@@ -272,17 +272,19 @@ def version() -> Conversation[documents.Version]:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms on which jobs are queued: priority, deadline in seconds from now, webhook."""
+    """The terms on which jobs are queued: priority, deadline in seconds from now, webhook, name."""
 
     priority: int = 0
     deadline: float | None = None
     webhook: documents.Webhook | None = None
+    name: str | None = None
 
     def document(self) -> Document:
         """Return the fields of a job document that state them."""
         optional = {
             "deadline_seconds": self.deadline,
             "webhook": self.webhook and dict(self.webhook),
+            "name": self.name,
         }
         given = {name: value for name, value in optional.items() if value is not None}
         return {"priority": self.priority} | given

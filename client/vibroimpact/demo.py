@@ -58,6 +58,11 @@ def run(out: Path) -> bool:
         # is shared with it, so that nobody's first request waits for a compiler.
         console.print("The other kinds of computation are made ready; Ctrl-C leaves them.")
         subprocess.run([sys.executable, "-m", "vibroimpact_service.cli", "warm"], check=False)
+    console.print(
+        "next: vibroimpact gallery 10.13 draws a figure of the chapter; vibroimpact serve starts a "
+        "service with a page at its address; docs/start.md begins with a structure of your own",
+        soft_wrap=True,
+    )
     return all(abs(value / reference - 1.0) < _AGREEMENT for _, value, reference in computed)
 
 

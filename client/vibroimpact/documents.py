@@ -1505,6 +1505,8 @@ class Job(TypedDict):
     version: int
     """Number of the last change; also the id of its event."""
     kind: str
+    name: NotRequired[str | None]
+    """What it was called when it was queued."""
     state: Literal["queued", "running", "succeeded", "failed", "cancelled"]
     final: bool
     """Whether the state will not change any more."""

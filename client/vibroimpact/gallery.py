@@ -46,11 +46,13 @@ def draw(client: Client, figure: str) -> Figure:
 def run(names: Sequence[str], out: Path) -> bool:
     """Plot the named figures, or all; return whether all their numbers are as expected."""
     console = Console()
-    chosen = list(names) or figures()
-    unknown = [figure for figure in chosen if figure not in figures()]
+    known = {_module(figure): figure for figure in figures()}
+    chosen = [known.get(name, name) for name in names] or [*known.values()]  # fig_10_13 is 10.13
+    unknown = [figure for figure in chosen if figure not in known.values()]
     if unknown:
-        known = ", ".join(figures())
-        console.print(f"there is no figure {', '.join(unknown)}; there are {known}")
+        console.print(
+            f"there is no figure {', '.join(unknown)}; there are {', '.join(known.values())}"
+        )
         return False
     out.mkdir(parents=True, exist_ok=True)
     wrong = 0

@@ -135,7 +135,7 @@ class Jobs(Iterator["Job"]):
         return html_table(_HEAD, self._rows())
 
 
-_HEAD = ["id", "state", "done", "created", "kind"]
+_HEAD = ["id", "state", "done", "created", "kind", "name"]
 _SHOWN_JOBS = 20
 
 
@@ -143,7 +143,8 @@ def _row(document: documents.Job) -> list[str]:
     done = document["progress"]
     progress = f"{done['done']}/{done['total']}"
     created = str(document["created"])[:19].replace("T", " ")
-    return [document["id"], document["state"], progress, created, document["kind"]]
+    name = document.get("name") or ""  # earlier services have none
+    return [document["id"], document["state"], progress, created, document["kind"], name]
 
 
 class Job(JobState):

@@ -139,6 +139,11 @@ class ResultFile:
         return reduce(getitem, columns, getattr(self, name))
 
     def _without(self, name: str) -> str:
+        if name.startswith("to_"):
+            return (
+                f"the result has no {name!r}; it is written by to_hdf5(file), read by to_xarray() "
+                "and to_pandas(), whose tables have to_csv(file)"
+            )
         return (
             f"the result has no {name!r}; it has {', '.join(sorted(self))}; `outputs` of the "
             "request chooses what is computed"

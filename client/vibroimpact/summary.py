@@ -27,7 +27,7 @@ def summary(result: ResultFile) -> str:
     names = [*result.axis_names(), *result.outputs()]
     lines += [_line(name, result, errors.get(name)) for name in names]
     lines += [
-        f"  {name}: {rows} rows{_of_table(name, getattr(result, name), rows)}"
+        f"  {name}: {rows} rows{_of_table(name, result, rows)}"
         for name, rows in result.row_counts().items()
     ]
     statement = errors.get("statement")
@@ -48,15 +48,20 @@ def _line(name: str, result: ResultFile, error: Any) -> str:
     return f"{head}: {told}{'' if worst is None else f'; errors up to {worst:.2g}'}"
 
 
-def _of_table(name: str, table: Table, rows: int) -> str:
-    """Return how many rows of a table are admissible, or how wide bands are together."""
+def _of_table(name: str, result: ResultFile, rows: int) -> str:
+    """Return how many rows of a table are admissible and why others are not, or widths of bands."""
     if not 0 < rows <= _LARGEST:
         return ""
+    table: Table = getattr(result, name)
     if "exists" in table:
-        return f", {int(np.count_nonzero(table.exists))} admissible"
+        others = np.asarray(table.reason)[~table.exists] if "reason" in table else np.array([])
+        why = f"; {_told(others)}" if others.size else ""
+        return f", {int(np.count_nonzero(table.exists))} admissible{why}"
     if name in {"bands", "rejected"}:
         widths = table.stop - table.start
-        return f", together {np.nansum(widths):.4g} wide, the widest {np.nanmax(widths):.4g}"
+        unit = result.unit(f"{name}/start")
+        head = f", together {np.nansum(widths):.4g}{'' if unit == '1' else f' {unit}'} wide"
+        return f"{head}, the widest {np.nanmax(widths):.4g}"
     return ""
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from vibroimpact.arguments import array, integer, number, numbers
+from vibroimpact.arguments import array, integer, number, numbers, unit_names
 from vibroimpact.loads import base_motion, base_vibration, drive, harmonic, sampled
 from vibroimpact.stops import constraint, dashpot, soft
 from vibroimpact.structures import Structure
@@ -116,12 +116,7 @@ def system(
         rows = array("the residual flexibility", residual_flexibility)
         document["residual_flexibility"] = np.atleast_2d(rows).tolist()
     if units is not None:
-        if not isinstance(units, Mapping):
-            raise TypeError(
-                'units must be a mapping, such as {"length": "m", "mass": "kg", "time": "s"}, '
-                f"not {units!r:.60}"
-            )
-        names: Any = dict(units)
+        names: Any = unit_names(units)
         document["units"] = names
     return _completed(document, damping, dashpots, influence)
 

@@ -39,6 +39,7 @@ class Job(Document):
     id: str
     version: Index = Field(description="Number of the last change; also the id of its event.")
     kind: str = Field(examples=["impact-modes"])
+    name: str | None = Field(None, description="What it was called when it was queued.")
     state: State
     final: bool = Field(description="Whether the state will not change any more.")
     phase: str = Field(description="Activity within the state.")

@@ -42,6 +42,9 @@ class JobRequest(Document):
         description="Kind of computation.", examples=["impact-modes"]
     )
     request: dict[str, Any] = Field(description="The request, as POST /v1/compute/{kind} takes it.")
+    name: Annotated[str, Field(max_length=120, pattern=r"^[^\x00-\x1f\x7f]*$")] | None = Field(
+        None, description="What to call the job in lists.", examples=["tube, gap 0.2 mm"]
+    )
     priority: Priority = Field(0, description="Higher runs first among the jobs of one owner.")
     deadline_seconds: Annotated[float, Field(strict=True, gt=0, le=3.2e7)] | None = Field(
         None, description="The job fails if it is not done this many seconds after the request."

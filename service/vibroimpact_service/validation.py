@@ -54,7 +54,8 @@ def problem_of(error: ValidationError, document: Any, *prefix: str) -> ProblemEr
     first = faults[0]
     detail = f"{first.pointer}: {first.message}" if first.pointer else first.message
     if len(errors) > 1:
-        detail += f" (and {len(errors) - 1} more)"
+        others = len(errors) - 1
+        detail += f" (and {others} more error{'s' if others > 1 else ''}, see errors)"
     return ProblemError(INVALID, detail, faults)
 
 

@@ -166,7 +166,7 @@ class Dashpot:
             raise ModelError(("c",), message, code="out_of_range")
         for place, (dof, weight) in enumerate(zip(self.dofs, self.weights, strict=True)):
             if not 0 <= dof < system.n:
-                message = f"dof {dof} is not below the number of degrees of freedom, {system.n}"
+                message = f"dof {dof} is none of 0 to {system.n - 1}: they count from 0"
                 raise ModelError(("dofs", place), message, code="index_out_of_range")
             if weight and dof in system.massless:
                 message = f"dof {dof} has no mass: give it one, or no dashpot"

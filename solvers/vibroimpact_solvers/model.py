@@ -354,7 +354,7 @@ class System:
             for dof in constraint.dofs:
                 if not 0 <= dof < self.n:
                     field = ("dof",) if len(constraint.dofs) == 1 else ("direction", "dofs")
-                    message = f"dof {dof} is not below the number of degrees of freedom, {self.n}"
+                    message = f"dof {dof} is none of 0 to {self.n - 1}: they count from 0"
                     pointer = ("constraints", index, *field)
                     raise ModelError(pointer, message, code="index_out_of_range")
             if (first := seen.setdefault(constraint.line, index)) != index:

@@ -119,6 +119,11 @@ def test_curl_and_javascript_alone(service: Service, tmp_path: Path) -> None:
     )  # fmt: skip
     assert "succeeded 1 / 1" in done.stdout
     assert f"impact-modes {answer['digest'][:12]}" in done.stdout
+    dots = re.findall(r'fill="(#\w+)"', (tmp_path / "momentum.svg").read_text())
+    inside = [0.0 <= row[0] <= 1.5 for row in answer["momentum"]]
+    assert len(dots) == sum(inside)
+    kept = [each for each, shown in zip(answer["exists"], inside, strict=True) if shown]
+    assert dots.count("#0072b2") == sum(kept)
 
 
 def test_the_tests_of_all_promises_are_there() -> None:

@@ -18,6 +18,11 @@ BELOW_A_WALL = {
     "damping": 0.05,
     "stops": [{"dof": 0, "lower": None, "upper": 0.0, "restitution": 0.8}],
 }
+BETWEEN_JUMPS = {
+    "form": "oscillator",
+    "damping": 0.05,
+    "stops": [{"dof": 0, "lower": None, "upper": 0.5, "restitution": 0.8}],
+}
 TWO_MASSES = {
     "form": "two_mass",
     "stops": [{"dof": 0, "lower": 1, "upper": 1, "restitution": 0.9}],
@@ -35,6 +40,16 @@ VIEWS = {
             "switch": 3,
         },
         ".special button",
+    ),
+    "attractors": (
+        "attractors",
+        {
+            "structure": BETWEEN_JUMPS,
+            "Omega": 1.4,
+            "load": [{"dof": 0, "amplitude": 0.25}],
+            "cells": 17,
+        },
+        ".readout >> text=motions settle",
     ),
     "history": ("history", {"mode": 2.3, "soft": True}, ".readout >> text=impacts"),
     "basins": ("basins", {"structure": TWO_MASSES}, ".readout >> text=motions"),

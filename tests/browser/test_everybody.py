@@ -18,6 +18,11 @@ VIEWS = {
         {"structure": OSCILLATOR, "cells": 21, "t_end": 10},
         ".readout >> text=motions",
     ),
+    "attractors": (
+        "attractors",
+        {"structure": OSCILLATOR, "cells": 3},
+        ".readout >> text=motions settle",
+    ),
     "map": ("map", {"rows": 11, "points": 60}, ".readout >> text=points"),
     "jobs": ("jobs", {}, "#jobs-title"),
     "matrices": ("modes", {"structure": {"form": "matrices"}}, ".verdict >> text=certified"),

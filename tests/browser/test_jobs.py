@@ -35,6 +35,28 @@ def test_a_job_is_followed_to_its_end_and_downloaded(console: Visit) -> None:
     expect(page.get_by_label("points")).to_have_value("4001")
 
 
+def test_another_browser_shows_the_name_with_which_a_job_was_queued(
+    console: Visit, browser: Browser
+) -> None:
+    page = console.open("modes", {"form": "two_mass"}, points=1234)
+    expect(page.locator(".readout").first).to_contain_text("1234 frequencies")
+    _queue(page)
+    expect(page.locator("table.jobs tbody tr").first).to_contain_text("Two coupled masses")
+    named = {"kind": "natural-frequencies", "name": "tube, gap 0.2 mm"}
+    system = {"preset": "chain", "n": 7}
+    sent = page.request.post(
+        f"{console.url}/v1/jobs", data={**named, "request": {"system": system}}
+    )
+    context = browser.new_context()
+    other = visit(context, console.url).open("jobs")
+    row = other.locator("table.jobs tbody tr", has_text=sent.json()["id"][:12])
+    expect(row).to_contain_text("tube, gap 0.2 mm")
+    expect(other.locator("table.jobs tbody")).to_contain_text("Two coupled masses")
+    other.get_by_role("searchbox").fill("tube gap")
+    expect(other.locator("table.jobs tbody tr:visible")).to_have_count(1)
+    context.close()
+
+
 def test_a_job_is_cancelled_and_sent_again(console: Visit) -> None:
     # The bands of a beam of ten elements are many: an hour's work.
     page = console.open("modes", {"form": "beam", "parameters": {"elements": 10}})

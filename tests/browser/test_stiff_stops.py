@@ -76,6 +76,40 @@ def test_restitution_is_offered_where_there_is_no_stiffness(console: Visit) -> N
     expect(group.get_by_label("Stop damping")).to_be_hidden()
 
 
+@pytest.mark.parametrize(
+    ("law", "document", "exponent"),
+    [
+        ("hertz", {"type": "hertz", "stiffness": 20}, 1.5),
+        ("power", {"type": "power", "stiffness": 20, "exponent": 2.2}, 2.2),
+    ],
+)
+def test_forces_of_stops_may_grow_with_a_power(
+    console: Visit, law: str, document: dict[str, Any], exponent: float
+) -> None:
+    page = console.open("history", SOFT, v=1, duration=20)
+    _done(page)
+    group = page.get_by_role("group", name="Stop 0")
+    expect(group.get_by_label("Exponent")).to_be_hidden()
+    with page.expect_response("**/compute/time-history") as answer:
+        group.get_by_label("Law of its force").select_option(law)
+        if law == "power":
+            group.get_by_label("Exponent").fill("2.2")
+    expect(group.get_by_label("Stop damping")).to_be_hidden()
+    expect(group.get_by_label("Exponent")).to_be_visible(visible=law == "power")
+    sent = answer.value.request.post_data_json["system"]["constraints"][0]
+    assert sent["law"] == document
+    contacts = answer.value.json()["contacts"]
+    # The law itself, at the deepest point of each contact.
+    for force, depth in zip(contacts["peak_force"], contacts["indentation"], strict=True):
+        assert force == pytest.approx(20 * depth**exponent, rel=1e-6)
+    expect(page.locator(".readout").first).to_contain_text(f"{len(contacts['start'])} contacts")
+    # It is kept in the address, and other views say what they do not compute.
+    page.reload()
+    expect(group.get_by_label("Law of its force")).to_have_value(law)
+    page.get_by_role("link", name="Driven response").click()
+    expect(group.locator(".fault").filter(has_text=f"has a {law} one")).to_be_visible()
+
+
 def test_forces_stand_below_the_displacement(console: Visit, tmp_path: Path) -> None:
     with console.page.expect_response("**/compute/time-history") as answer:
         page = console.open("history", SOFT, v=1, duration=20)
@@ -182,6 +216,42 @@ def test_beams_are_recognised_by_their_stiffness_alone(console: Visit) -> None:
     assert beams[1]["length"] == pytest.approx(0.5)
     assert beams[1]["fixed"] == [True, True]
     assert beams[2:] == [None, None]
+
+
+def test_derivatives_of_a_motion_at_the_time_of_the_cursor(console: Visit) -> None:
+    structure = {
+        "form": "oscillator",
+        "damping": 0.05,
+        "stops": [{"dof": 0, "lower": 0.5, "upper": 0.5, "restitution": 0.8}],
+    }
+    page = console.open("history", structure, v=1, duration=10)
+    _done(page)
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("slider", name="Time").fill("0.5")
+    with page.expect_response(
+        lambda answer: "derivatives" in (answer.request.post_data or "")
+    ) as waited:
+        page.get_by_text("How it changes with the structure").click()
+    asked = waited.value.request.post_data_json
+    assert asked["t"] == [5.0]
+    assert asked["derivatives"] == [
+        "system.constraints.0.gap", "system.constraints.0.restitution", "system.K.scale",
+        "system.M.scale", "system.zeta", "initial.v.0",
+    ]  # fmt: skip
+    rows = page.locator(".rates tbody tr")
+    expect(rows).to_have_count(18)
+    shares = [float(str(each).split()[0].replace("−", "-")) for each in (
+        rows.nth(i).locator("td").nth(1).text_content() for i in range(18))]  # fmt: skip
+    x, time, speed = (shares[start::3] for start in range(3))
+    # All lengths grow with gap and initial velocity alike; times do not change then.
+    assert x[0] + x[5] == pytest.approx(1.0, abs=0.02)
+    assert time[0] + time[5] == pytest.approx(0.0, abs=0.02)
+    assert speed[0] + speed[5] == pytest.approx(1.0, abs=0.02)
+    # They follow the cursor, and stops with a stiffness have none.
+    with page.expect_response(lambda answer: "derivatives" in (answer.request.post_data or "")):
+        page.get_by_role("slider", name="Time").fill("0.7")
+    page.get_by_role("group", name="Stop 0").get_by_label("Stiffness").fill("50")
+    expect(page.locator(".rates")).to_be_hidden()
 
 
 def test_derivatives_of_the_mode_at_the_cursor(console: Visit) -> None:

@@ -30,6 +30,8 @@ def test_the_package_offers_what_it_documents_and_nothing_else() -> None:
         (lambda: vi.system("M.mtx", K), "M must be numbers, not 'M.mtx'; read_model reads files"),
         (lambda: vi.system(Path("M.mtx"), K), "read_model reads files"),
         (lambda: vi.system(M, K, units="SI"), 'such as {"length": "m"'),  # type: ignore[arg-type]
+        (lambda: vi.Model(M, K, units="SI"), 'such as {"length": "m"'),  # type: ignore[arg-type]
+        (lambda: vi.Model(M, K, units={"length": "m", "mass": "kg"}), '"time": "s"'),
         (
             lambda: vi.periodic_motions_request(
                 vi.system(M, K),
@@ -101,6 +103,27 @@ def test_the_command_line_takes_files_with_matrices(tmp_path: Path) -> None:
     assert isinstance(wrong.exception, ValueError)
     assert "K.csv is no request in JSON" in str(wrong.exception)
     assert "files with matrices are given by --model" in str(wrong.exception)
+
+
+def test_a_result_says_how_it_is_saved_and_why_motions_are_phantoms() -> None:
+    # One contact at the upper wall of a coordinate that a large force carries to both.
+    stop = vi.constraint(0, gap=0.1, stiffness=50.0)
+    structure = vi.system(M, K, [stop], damping=0.05)
+    motions = vi.Local().periodic_motions(structure, [0.9, 1.1], [vi.drive(0, 1.0)])
+    words, counts = np.unique(motions.solution.reason, return_counts=True)
+    assert len(words) > 0
+    assert "ok" not in words
+    told = ", ".join(
+        f"{count} {word}" for count, word in sorted(zip(counts, words, strict=True))[::-1]
+    )
+    assert f"solution: {counts.sum()} rows, 0 admissible; {told}\n" in str(motions)
+    with pytest.raises(AttributeError, match=r"to_pandas\(\), whose tables have to_csv"):
+        motions.to_csv("motions.csv")
+
+
+def test_a_degree_of_freedom_that_is_not_there_is_told_how_they_count() -> None:
+    with pytest.raises(vi.errors.InvalidRequest, match=r"dof 2 is none of 0 to 1: they count from"):
+        vi.Local().natural_frequencies(vi.system(M, K, [vi.constraint(2, 0.1)]))
 
 
 @pytest.mark.parametrize("kind", ["impact_modes", "impact-modes"])

@@ -112,7 +112,7 @@ def test_jobs_are_a_table_and_can_still_be_gone_through() -> None:
     jobs = _jobs(30)
     assert next(jobs).id == "job_0"
     lines = repr(jobs).splitlines()
-    assert lines[0].split() == ["id", "state", "done", "created", "kind"]
+    assert lines[0].split() == ["id", "state", "done", "created", "kind", "name"]
     assert lines[1].split() == ["job_1", "running", "1/9", "2026-11-27", "23:32:01", "ensemble"]
     assert len(lines) == 21
     assert "<td" in jobs._repr_html_()

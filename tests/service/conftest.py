@@ -118,6 +118,7 @@ class Queue:
             version=1,
             error=None,
             deadline=None if new.deadline is None else 1e9 + new.deadline,
+            name=new.name,
         )
         if self.at_once:
             self.run(new.id)

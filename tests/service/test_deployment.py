@@ -292,7 +292,10 @@ def test_the_build_file_names_the_architectures_and_the_version() -> None:
     assert (ROOT / file).is_file()
     arguments = re.findall(r"^    ([A-Z_]+) = \1$", text, re.M)
     assert arguments == ["PYTHON_IMAGE", "VERSION", "REVISION"]
-    assert "@sha256:[0-9a-f]{64}$" in text  # anything else ends the build
+    (base,) = re.findall(r'variable "PYTHON_IMAGE" {\s*default = "(.+)"', text)
+    assert f"ARG PYTHON_IMAGE={base}\n" in (DOCKER / "Dockerfile").read_text()
+    released = (ROOT / ".github" / "workflows" / "release.yml").read_text()
+    assert f"image={base}@$digest" in released  # what is published is built on a digest
 
 
 @pytest.mark.parametrize("path", COMPOSE, ids=lambda path: path.parent.name)

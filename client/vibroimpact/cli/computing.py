@@ -70,13 +70,15 @@ def submit(
     deadline: Annotated[
         float | None, typer.Option(help="Seconds after which an unfinished job fails.")
     ] = None,
+    name: Annotated[str | None, typer.Option(help="What to call the job in lists.")] = None,
     json_: options.AsJson = False,
     url: options.Url = None,
     profile: options.Profile = None,
 ) -> None:
     """Queue a computation and print the id of its job."""
     with options.client(url, profile) as client:
-        job = client.submit(kind, options.request(file, model), priority, deadline=deadline)
+        request = options.request(file, model)
+        job = client.submit(kind, request, priority, deadline=deadline, name=name)
     print(json.dumps(job.document) if json_ else job.id)
 
 

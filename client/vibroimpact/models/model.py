@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.arguments import unit_names
 from vibroimpact.errors import InvalidRequest, MissingExtra
 from vibroimpact.local import Local
 from vibroimpact.models.motion_files import write_motion
@@ -87,6 +88,8 @@ class Model:
         labels = tuple(self.labels) or tuple((index, "x") for index in range(n))
         if any(part is not None and part.shape[0] != n for part in (self.K, self.C)):
             raise ValueError("M, K and C need the same size")
+        if self.units is not None:
+            object.__setattr__(self, "units", unit_names(self.units))
         if len(labels) != n or len(set(labels)) != n:
             raise ValueError(f"{n} degrees of freedom need {n} different labels")
         object.__setattr__(self, "labels", labels)

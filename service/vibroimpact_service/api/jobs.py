@@ -94,6 +94,7 @@ def _document(queue: JobQueue, job: JobRow, position: int | None) -> Job:
         id=job.id,
         version=job.version,
         kind=job.kind,
+        name=job.name,
         state=cast("State", job.state),
         final=job.final,
         phase=job.phase,

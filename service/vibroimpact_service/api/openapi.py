@@ -70,6 +70,11 @@ IDEMPOTENCY_KEY: Final = request_header(
     "Repeating the request with the same key answers with the same job.",
     pattern="^[!-~]{1,255}$",
 )
+REQUEST_ID: Final = request_header(
+    "X-Request-ID",
+    "Name of this request in the answer, in problems and in the log, of letters, digits, '.', '_' "
+    "and '-'; others are replaced.",
+)
 
 
 def answer(

@@ -85,9 +85,12 @@ def _stored(description: str) -> openapi.Declaration:
         **openapi.BODY_FAILURES,
     },
     openapi_extra={
+        # openapi-python-client takes bodies of several types for optional, and only imports what
+        # it then needs where a parameter is.
+        "parameters": [openapi.REQUEST_ID],
         "requestBody": openapi.json_body(
             "System", {"chain": {"summary": "A chain of 13 masses", "value": _CHAIN}}, _FILES
-        )
+        ),
     },
 )
 async def store_system(request: Request) -> Response:

@@ -6,7 +6,7 @@ import { remember, submitted } from "./submitted.js";
  * @typedef {{pointer: string, parameter?: string | null, code: string, message: string}} Fault
  * @typedef {{detail?: string, title?: string, errors?: Fault[], request_id?: string}} ProblemDocument
  * @typedef {{id: string, version: number, kind: string, state: string, final: boolean, phase: string,
- *   waiting_reason: string | null, progress: {done: number, total: number}, created: string,
+ *   waiting_reason: string | null, progress: {done: number, total: number}, created: string, name?: string | null,
  *   started: string | null, finished: string | null, attempts: number, error: ProblemDocument | null,
  *   result: string | null, digest: string, reused: boolean, estimate: number | null}} Job
  */
@@ -53,7 +53,7 @@ export async function send(method, path, body, headers = {}, signal) {
   const sent = { Accept: "application/json", ...headers };
   const form = body instanceof FormData; // the browser names its boundary
   const raw = form || body instanceof Blob;
-  if (body !== undefined && !form && !sent["Content-Type"]) sent["Content-Type"] = raw ? body.type : "application/json";
+  if (body !== undefined && !form && !sent["Content-Type"]) sent["Content-Type"] = body instanceof Blob ? body.type : "application/json";
   if (key()) sent.Authorization = `Bearer ${key()}`;
   const content = body === undefined || raw ? body : JSON.stringify(body);
   let answer;

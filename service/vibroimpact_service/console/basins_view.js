@@ -8,7 +8,7 @@ import { atTimes, loadFields } from "./loads.js";
 import { isWide, time, velocity } from "./natural.js";
 import { linspace, nearest, shown } from "./numbers.js";
 import { setFields, show, state } from "./state.js";
-import { size, systemDocument } from "./structures.js";
+import { only, size, systemDocument } from "./structures.js";
 import { axisOfWhat, labelled } from "./units.js";
 
 /** @type {Record<string, {label: string, of: (result: any, i: number, column: number) => number}>} */
@@ -24,13 +24,6 @@ function fields() {
   const first = state.structure.stops[0];
   const gap = first ? Math.abs(first.upper || first.lower || 1) : 1;
   return { dof: first ? first.dof : 0, x: gap, v: velocity(2), cells: isWide() ? 21 : 61, t_end: time(9.5), quantity: "impacts", load: [], ...state.fields };
-}
-
-/** @param {number} n @param {number} dof @param {number} value @returns {number[]} that value of one coordinate, the others at rest */
-function only(n, dof, value) {
-  const all = new Array(n).fill(0);
-  if (dof < n) all[dof] = value;
-  return all;
 }
 
 export class BasinsView extends BaseView {

@@ -9,11 +9,12 @@ import { button, make } from "./dom.js";
 import { choiceField, numberField } from "./fields.js";
 import { help } from "./help.js";
 import { loadFields } from "./loads.js";
+import { losses } from "./losses.js";
 import { MotionCard, spread } from "./motion_card.js";
 import { amplitude, natural, rangeOfDrive } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
-import { setFields, setStructure, show, state } from "./state.js";
-import { FORMS, coordinateName, geometryOf, neededDofs, size, systemDocument, yields } from "./structures.js";
+import { setFields, show, state } from "./state.js";
+import { coordinateName, geometryOf, neededDofs, size, systemDocument, yields } from "./structures.js";
 import { axisOf, axisOfWhat, frequencyInWords, labelled, withUnit } from "./units.js";
 import { reasonInWords, stopName } from "./words.js";
 
@@ -89,7 +90,8 @@ export class DrivenView extends BaseView {
     this.card = new MotionCard(moving, { title: "The motion at the cursor", axis: "t/T, from the drive's phase 0" });
     this.card.onCoordinate = (dof) => { setFields({ coordinate: dof }, { silent: true }); this.draw(); };
     root.append(make("section", { class: "card", "aria-labelledby": "solution-title" }, make("h2", { id: "solution-title" }, "At the cursor"), this.verdict, this.values,
-      make("p", { class: "row" }, button("Time history from here", () => this.#history(), { class: "primary" }))));
+      make("p", { class: "row" }, button("Time history from here", () => this.#history(), { class: "primary" }),
+        button("What motions settle on here", () => this.#attractors()))));
     this.slider.addEventListener("input", () => this.#move(Number(this.slider.value), state.fields.height));
     this.ask = latest((/** @type {Motion} */ motion) => this.#askMotion(motion));
   }
@@ -109,15 +111,7 @@ export class DrivenView extends BaseView {
   controls() {
     const now = fields();
     const stops = state.structure.stops.map((stop, i) => /** @type {[string, string]} */ ([String(i), stopName(stop, i)]));
-    const { damping, matrices, form } = state.structure;
-    const lossless = !damping && !(matrices && matrices.C);
-    this.note.replaceChildren(...(lossless ? ["The structure has no damping: resonances have no bound. "] : []), ...(lossless && FORMS[form].damped ? [
-      button("Give it 2 % damping and restitution 0.8", () => {
-        state.structure.damping = 0.02;
-        state.structure.stops.forEach((stop) => { stop.restitution = Math.min(stop.restitution, 0.8); });
-        setStructure({ ...state.structure });
-        dispatchEvent(new Event("structure-filled"));
-      }, { class: "quiet" })] : []));
+    this.note.replaceChildren(...losses("The structure has no damping: resonances have no bound."));
     return [
       numberField(labelled("Ω from", "Omega"), now.from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
@@ -368,6 +362,11 @@ export class DrivenView extends BaseView {
       ["work of the load per period", withUnit(shown(solution.work[best], 6), "energy")], ["energy lost per period", withUnit(shown(solution.energy_lost[best], 6), "energy")],
     ];
     this.values.replaceChildren(...entries.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
+  }
+
+  #attractors() {
+    const { Omega, load } = fields();
+    if (Omega !== null) show("attractors", { Omega, load });
   }
 
   #history() {

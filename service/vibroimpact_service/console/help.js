@@ -17,6 +17,7 @@ const TERMS = {
   struck: ["Struck", "The impact modes that are shown are those that strike all of the stops marked so. The others still limit the motion.", "compute_impact_modes", "theory/impact-modes"],
   horizon: ["Horizon of trust", "Impacts make deviations grow. Beyond this time the rounding of double precision has grown to the size of the motion, so that only its statistics mean something.", "compute_time_history", "theory/accuracy"],
   branch: ["Branch", "Motions that change continuously with the frequency of the drive. Branches turn back at folds, double their period at flips, and end where a stop is just touched (grazing).", "compute_branches", "theory/periodic-motions"],
+  attractor: ["Attractor", "What motions of the driven structure settle on after a while: a periodic motion, one of two frequencies, or chaos. The initial states from which one is reached are its basin.", "compute_attractors", "theory/periodic-motions"],
   ensemble: ["Ensemble", "Motions from many initial states at once. Neighbouring cells of different colours are motions that a small change of the start makes very different.", "compute_ensemble", "theory/time-histories"],
   map: ["Map", "The family of impact modes for many values of one number of the structure, side by side.", "compute_sweep", "sweeps"],
 };

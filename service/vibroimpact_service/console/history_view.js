@@ -5,7 +5,7 @@ import { compute } from "./api.js";
 import { BaseView } from "./base_view.js";
 import { Clicks } from "./clicks.js";
 import { Curve } from "./curve.js";
-import { button, download, make } from "./dom.js";
+import { button, download, make, settled } from "./dom.js";
 import { choiceField, numberField, switchField } from "./fields.js";
 import { numbersOf } from "./figure.js";
 import { help } from "./help.js";
@@ -14,6 +14,7 @@ import { spread } from "./motion_card.js";
 import { rangeOfModes, time, velocity } from "./natural.js";
 import { interpolated, shown } from "./numbers.js";
 import { Player, calm } from "./player.js";
+import { ofMotion, ratesPart } from "./rates.js";
 import { Shape } from "./shape.js";
 import { wholeRange } from "./ranges.js";
 import { setFields, state } from "./state.js";
@@ -67,9 +68,11 @@ export class HistoryView extends BaseView {
     this.force = make("div", { class: "forces" });
     /** Forces of the stops that have a stiffness. @type {Curve | null} */ this.forces = null;
     this.figure.after(this.force);
-    this.section.append(this.legend);
+    this.rates = ratesPart(() => this.#differentiated());
+    this.askRates = settled(250, () => this.rates.update());
+    this.section.append(this.legend, this.rates.element);
     this.player = new Player((place, from) => this.#frame(place, from), { seconds: 15, again: false });
-    this.player.onState = () => { this.play.textContent = this.player.playing ? "Pause" : "Play"; };
+    this.player.onState = () => { this.play.textContent = this.player.playing ? "Pause" : "Play"; this.askRates(); };
     this.scrub.addEventListener("input", () => this.#seek(Number(this.scrub.value)));
     this.speed.addEventListener("change", () => { this.player.seconds = Number(this.speed.value); });
     this.watch = new ResizeObserver(() => this.#frame(this.player.place, this.player.place));
@@ -166,6 +169,7 @@ export class HistoryView extends BaseView {
     this.accept(result, (beside && beside.neglected) || []);
     this.draw();
     this.#show();
+    this.askRates();
     if (!this.begun && !calm()) this.player.play();
     this.begun = true;
   }
@@ -209,6 +213,14 @@ export class HistoryView extends BaseView {
     this.readout.textContent = `${met}${felt}. ${trust}`;
   }
 
+  /** @returns {import("./rates.js").Asked | null} the motion at the time of the cursor; null at its beginning, and while it plays */
+  #differentiated() {
+    const { result, player } = this;
+    if (!result || player.playing || !player.place) return null;
+    const dof = result.dof[Math.max(0, result.dof.indexOf(fields().coordinate))];
+    return ofMotion(this.requests()[0].request, state.structure.stops, { t: player.place * result.t[result.t.length - 1], dof, label: axisOf(dof) });
+  }
+
   detail() {
     const now = fields();
     if (now.start === "mode") return `from the impact mode at Ω = ${shown(now.mode, 6)}`;
@@ -247,6 +259,8 @@ export class HistoryView extends BaseView {
   #show() {
     const geometry = geometryOf(state.structure);
     const compliant = yields(state.structure);
+    // Motions that meet a stop with a stiffness have no derivatives.
+    this.rates.element.hidden = compliant;
     const kinds = [["thick", compliant ? "stops with stiffness" : "rigid stops"], ...(this.soft ? [["soft", "soft stops"]] : []), ["tick", compliant ? "contact" : "impact"], ["horizon", "beyond the horizon of trust"]];
     this.legend.replaceChildren(...kinds.map(([kind, text]) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text)));
     const results = [[compliant ? "stops with stiffness" : "rigid stops", this.result], ...(this.soft ? [["soft stops", this.soft]] : [])];
@@ -270,6 +284,7 @@ export class HistoryView extends BaseView {
   #seek(place) {
     this.player.pause();
     this.player.seek(place);
+    this.askRates();
   }
 
   /** @param {number} place @param {number} from */

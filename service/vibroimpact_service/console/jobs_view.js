@@ -22,7 +22,7 @@ export class JobsView {
     this.search = make("input", { type: "search", placeholder: "Search", "aria-label": "Search jobs by name, structure, kind, state or id", oninput: () => this.#sift() });
     this.looked = switchField("with those that views made while one looked", false, () => this.#sift(), { name: "looked" });
     this.compare = button("Compare the two chosen", () => this.#compare(), { disabled: true });
-    const heads = ["", "Created", "Name", "Structure", "Kind", "State", "Progress", "Attempts", "Acts"].map((text) => make("th", { scope: "col" }, text || make("span", { class: "visually-hidden" }, "Chosen")));
+    const heads = ["", "Created", "Name", "Queued as", "Kind", "State", "Progress", "Attempts", "Acts"].map((text) => make("th", { scope: "col" }, text || make("span", { class: "visually-hidden" }, "Chosen")));
     this.table = make("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Table of jobs" }, make("table", { class: "jobs" }, make("thead", {}, make("tr", {}, ...heads)), this.body));
     this.more = button("Older jobs", () => this.#load(this.next), { hidden: true });
     root.append(make("section", { class: "card", "aria-labelledby": "jobs-title" }, make("h2", { id: "jobs-title" }, "Jobs"), make("p", { class: "row" }, this.filter, this.search, this.looked, this.compare), this.live, this.empty, this.table, this.more));
@@ -130,12 +130,12 @@ export class JobsView {
       remember(job.digest, { name: name.value.trim() });
       row.dataset.text = `${name.value} ${job.id} ${job.digest}`;
     });
-    Object.assign(row.dataset, { text: `${known.name || ""} ${job.id} ${job.digest}`, looked: String(Boolean(known.looked)), removed: String(Boolean(known.removed)) });
+    Object.assign(row.dataset, { text: `${known.name || job.name || ""} ${job.id} ${job.digest}`, looked: String(Boolean(known.looked)), removed: String(Boolean(known.removed)) });
     const choose = known.address ? make("input", { type: "checkbox", name: "chosen", value: known.address, "aria-label": `Choose ${of}`, onchange: () => { this.compare.disabled = this.#chosen().length !== 2; } }) : null;
     const open = row.contains(document.activeElement) ? document.activeElement : null;
     if (open instanceof HTMLInputElement && open.className === "named") return;
     row.replaceChildren(
-      cell(choose), cell(new Date(job.created).toLocaleString(), make("br"), make("code", {}, job.id.slice(0, 12))), cell(name), cell(known.structure || "–"),
+      cell(choose), cell(new Date(job.created).toLocaleString(), make("br"), make("code", {}, job.id.slice(0, 12))), cell(name), cell(known.structure || job.name || "–"),
       cell(job.kind), cell(make("span", { class: { succeeded: "good", failed: "bad" }[job.state] || "" }, job.reused ? `${job.state}, known before` : job.state), make("br"), make("small", {}, why || took)),
       cell(progress, ` ${job.progress.done}/${job.progress.total}`), cell(attempts), this.#acts(job));
   }
@@ -161,7 +161,7 @@ export class JobsView {
     if (job.state === "failed") acts.push(act("Retry", () => ask("POST", `/v1/jobs/${job.id}/retry`).then(() => this.update())));
     const { kind, request, address } = known;
     if (kind && request) {
-      if (job.state === "cancelled") acts.push(act("Submit again", () => this.#again({ kind, request })));
+      if (job.state === "cancelled") acts.push(act("Submit again", () => this.#again({ kind, request, name: job.name })));
       acts.push(act("curl", () => navigator.clipboard.writeText(asCurl(kind, request))), act("Python", () => navigator.clipboard.writeText(asPython(kind, request))));
     }
     if (address) acts.push(make("a", { href: address, "aria-label": `Open the view of ${of}` }, "open and change"));
@@ -183,10 +183,10 @@ export class JobsView {
 
   /**
    * Send the request of a job again, as a new job.
-   * @param {{kind: string, request: any}} known
+   * @param {{kind: string, request: any, name?: string | null}} known
    */
-  async #again({ kind, request }) {
-    await ask("POST", "/v1/jobs", { kind, request });
+  async #again({ kind, request, name }) {
+    await ask("POST", "/v1/jobs", { kind, request, ...(name ? { name } : {}) });
     await this.update();
   }
 

@@ -1,6 +1,7 @@
 // Starts the page: the structure on one side, the view that the address names on the other.
 
 import { ask, keep, key } from "./api.js";
+import { AttractorsView } from "./attractors_view.js";
 import { BasinsView } from "./basins_view.js";
 import { byId, make } from "./dom.js";
 import { DrivenView } from "./driven_view.js";
@@ -24,6 +25,7 @@ import { loaded, structurePanel } from "./structure_panel.js";
 const VIEWS = {
   modes: { title: "Impact modes", View: ModesView },
   driven: { title: "Driven response", View: DrivenView },
+  attractors: { title: "Attractors", View: AttractorsView },
   history: { title: "Time history", View: HistoryView },
   basins: { title: "Ensemble", View: BasinsView },
   map: { title: "Map", View: MapView },

@@ -11,7 +11,7 @@ import { MotionCard, spread } from "./motion_card.js";
 import { natural, rangeOfModes, tooLow } from "./natural.js";
 import { linspace, shown, subscript } from "./numbers.js";
 import { rangeWithPoles, withoutPoles } from "./ranges.js";
-import { parametersOf, ratesPart } from "./rates.js";
+import { ofMode, ratesPart } from "./rates.js";
 import { setFields, show, state } from "./state.js";
 import { coordinateName, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
 import { axisOf, frequencyInWords, labelled, withUnit } from "./units.js";
@@ -266,7 +266,7 @@ export class ModesView extends BaseView {
     if (!this.mode) return null;
     const { tau, dofs, outputs, ...request } = this.#modeRequest(this.mode.frequency.Omega[0]);
     const { stops } = state.structure;
-    return { request, parameters: parametersOf(stops, this.mode.frequency.Omega[0]), names: this.mode.constraint.map((/** @type {number} */ i) => stopName(stops[i], i)) };
+    return ofMode(request, stops, this.mode.constraint.map((/** @type {number} */ i) => stopName(stops[i], i)), this.mode.frequency.Omega[0]);
   }
 
   /** Points of a waveform: ten for each oscillation of the highest mode, as far as that is quick. @param {number} Omega @param {number} count */

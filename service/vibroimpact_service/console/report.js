@@ -47,9 +47,9 @@ function structure() {
   const or = (value, none) => (value === null || value === undefined ? none : shown(value, 6));
   return [
     make("h2", {}, "Structure"), make("p", {}, `${inWords(of)}.`), ...(of.id ? [make("p", {}, "Stored as ", make("code", {}, of.id))] : []),
-    ...(of.stops.length ? [table(["Stop", "Place", "Lower gap", "Upper gap", "Restitution", "Stiffness", "Damping"], of.stops.map((each, i) => [
+    ...(of.stops.length ? [table(["Stop", "Place", "Lower gap", "Upper gap", "Restitution", "Stiffness", "Damping", "Exponent"], of.stops.map((each, i) => [
       i, coordinateName(of, each.dof) + (each.relativeTo === null ? "" : ` relative to ${coordinateName(of, each.relativeTo)}`),
-      or(each.lower, "none"), or(each.upper, "none"), each.stiffness === null ? shown(each.restitution, 6) : "–", or(each.stiffness, "rigid"), or(each.damping, "none")]))] : []),
+      or(each.lower, "none"), or(each.upper, "none"), each.stiffness === null ? shown(each.restitution, 6) : "–", or(each.stiffness, "rigid"), or(each.damping, "none"), or(each.exponent, each.stiffness === null ? "–" : "1")]))] : []),
     ...(known ? [make("p", {}, `Natural frequencies Ω: ${known.Omega.map((each) => shown(each, 6)).join(", ")}${known.all ? "" : " …"}`)] : []),
   ];
 }

@@ -72,7 +72,9 @@ function planElements(plan) {
 /** @param {{kind: string, request: any}} request */
 async function queue({ kind, request }) {
   try {
-    const job = await ask("POST", "/v1/jobs", { kind, request });
+    // Other browsers learn of it by this name.
+    const name = inWords(state.structure).slice(0, 120);
+    const job = await ask("POST", "/v1/jobs", { kind, request, name });
     remember(job.digest, { kind, request, address: location.hash, structure: inWords(state.structure), looked: false, removed: false });
     show("jobs");
   } catch (error) {

@@ -12,9 +12,9 @@ import { shown } from "./numbers.js";
 import { Shape } from "./shape.js";
 import { dampingSlider, gapSlider, restitutionSlider } from "./sliders.js";
 import { setStructure, show, state } from "./state.js";
-import { FORMS, beamIn, coordinateName, geometryOf, isSoft, leading, measure, preset, size, stop } from "./structures.js";
+import { FORMS, HERTZ, beamIn, coordinateName, geometryOf, isSoft, lawOf, leading, measure, preset, size, stop } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
-import { UNITS, inSeconds, labelled } from "./units.js";
+import { UNITS, inSeconds, labelled, stiffnessLabel } from "./units.js";
 
 /** @typedef {import("./structures.js").Structure} Structure */
 
@@ -137,10 +137,11 @@ function stops(toggleStop, rebuild) {
   const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops"));
   structure.stops.forEach((each, index) => {
     const at = `/system/constraints/${index}`;
-    /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution" | "stiffness" | "damping"} name */
+    /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution" | "stiffness" | "damping" | "exponent"} name */
     const set = (name) => (/** @type {number | null} */ value) => {
       /** @type {any} */ (each)[name] = value;
       changed();
+      if (name === "exponent") choose();
     };
     const lower = numberField(labelled("Lower gap", measure(structure, each.dof)), each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" });
     const upper = numberField(labelled("Upper gap", measure(structure, each.dof)), each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" });
@@ -148,11 +149,25 @@ function stops(toggleStop, rebuild) {
     restitution.append(restitutionSlider(index, restitution, changed));
     // With a stiffness, which time histories, ensembles and periodic motions take, there is a damping instead.
     const damping = numberField(labelled("Stop damping", "dashpot"), each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" });
-    const choose = () => { [restitution.hidden, damping.hidden] = [isSoft(each), !isSoft(each)]; };
-    const stiffness = numberField(labelled("Stiffness", "stiffness"), each.stiffness, (value) => {
+    // Time histories and ensembles also take forces that grow with a power of the indentation, without loss.
+    const exponent = numberField("Exponent", each.exponent, set("exponent"), { pointer: `${at}/law/exponent`, min: 1, max: 64 });
+    const law = choiceField("Law of its force", [["linear", "linear"], ["hertz", "Hertz"], ["power", "power"]], lawOf(each), (value) => {
+      each.exponent = value === "linear" ? null : value === "hertz" ? HERTZ : 2;
+      /** @type {HTMLInputElement} */ (exponent.querySelector("input")).value = String(each.exponent ?? "");
+      choose();
+      changed();
+    }, { name: "law" });
+    const stiffness = numberField("", each.stiffness, (value) => {
       set("stiffness")(value);
       choose();
     }, { pointer: `${at}/law`, min: 0, empty: "rigid" });
+    const choose = () => {
+      const soft = isSoft(each);
+      const type = /** @type {HTMLSelectElement} */ (law.querySelector("select")).value;
+      [restitution.hidden, law.hidden, damping.hidden, exponent.hidden] = [soft, !soft, !soft || type !== "linear", !soft || type !== "power"];
+      /** @type {HTMLInputElement} */ (exponent.querySelector("input")).disabled = exponent.hidden;
+      /** @type {HTMLElement} */ (stiffness.querySelector("label")).textContent = stiffnessLabel(each.exponent ?? 1);
+    };
     choose();
     // The words of the first stop are explained where they stand.
     const [gapHelp, restitutionHelp, struckHelp] = index ? ["", "", ""] : [help("gap"), help("restitution"), help("struck")];
@@ -163,7 +178,7 @@ function stops(toggleStop, rebuild) {
       numberField("Coordinate", each.dof, set("dof"), { pointer: `${at}/dof`, whole: true, min: 0 }),
       numberField("Relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
       lower, upper, make("div", { class: "whole" }, gapSlider(index, lower, upper, changed)), restitution,
-      stiffness, damping,
+      stiffness, law, exponent, damping,
       make("div", { class: "stop-acts" },
         make("span", {}, switchField("struck", each.active, (value) => { each.active = value; changed(); }), struckHelp),
         button("Remove", () => { structure.stops.splice(index, 1); rebuild(); changed(); }, { class: "quiet", "aria-label": `Remove stop ${index}` })),

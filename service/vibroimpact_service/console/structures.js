@@ -5,13 +5,13 @@ import { entries, rows } from "./matrix_forms.js";
 
 /**
  * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null,
- *   restitution: number, active: boolean, stiffness: number | null, damping: number | null}} Stop
+ *   restitution: number, active: boolean, stiffness: number | null, damping: number | null, exponent: number | null}} Stop
  *
  * @typedef {{form: string, parameters: Record<string, number>, damping: number, stops: Stop[],
  *   loads: {dof: number, force: number}[], matrices?: {M: any, K: any, C?: any, force?: number[], units?: any}, id?: string, name?: string,
  *   geometry?: GeometryDocument}} Structure
  *
- * A stop without a stiffness is rigid. Loads are constant forces, in addition to the one that a file may have.
+ * A stop without a stiffness is rigid; one with an exponent pushes with that power of the indentation, else linearly. Loads are constant forces, in addition to the one that a file may have.
  *
  * @typedef {{nodes: number[][], dofs?: {node: number, direction: string}[], links?: number[][]}} GeometryDocument
  *
@@ -26,8 +26,11 @@ import { entries, rows } from "./matrix_forms.js";
 
 /** @param {number} dof @param {number | null} lower @param {number | null} upper @returns {Stop} */
 export function stop(dof, lower, upper, restitution = 1, /** @type {number | null} */ relativeTo = null) {
-  return { dof, relativeTo, lower, upper, restitution, active: true, stiffness: null, damping: null };
+  return { dof, relativeTo, lower, upper, restitution, active: true, stiffness: null, damping: null, exponent: null };
 }
+
+/** Power of the indentation in the force between two curved surfaces. */
+export const HERTZ = 1.5;
 
 /** Degrees of freedom up to which matrices are entered entry by entry. */
 export const LARGEST = 8;
@@ -102,6 +105,13 @@ export function isSoft({ stiffness }) {
   return stiffness !== null && stiffness !== undefined;
 }
 
+/** @param {number} n @param {number} dof @param {number} value @returns {number[]} that value of one coordinate, the others at rest */
+export function only(n, dof, value) {
+  const all = new Array(n).fill(0);
+  if (dof < n) all[dof] = value;
+  return all;
+}
+
 /** @param {Structure} structure @returns {number} degrees of freedom; 0 where they are not known yet */
 export function size(structure) {
   const { form, parameters: p, matrices } = structure;
@@ -167,8 +177,20 @@ function constraint(each, losses) {
   const gap = each.lower === each.upper && each.upper !== null && each.upper > 0
     ? each.upper : { lower: each.lower, upper: each.upper };
   const soft = isSoft(each);
-  const law = soft && losses ? { law: { type: "linear", stiffness: each.stiffness, damping: each.damping || 0 } } : { restitution: soft ? 1 : each.restitution };
-  return { ...place, gap, ...law };
+  return { ...place, gap, ...(soft && losses ? { law: lawDocument(each) } : { restitution: soft ? 1 : each.restitution }) };
+}
+
+/** @param {{exponent: number | null}} each a stop with a stiffness @returns {"linear" | "hertz" | "power"} */
+export function lawOf({ exponent }) {
+  if (exponent === null || exponent === undefined) return "linear";
+  return exponent === HERTZ ? "hertz" : "power";
+}
+
+/** @param {Stop} each with a stiffness */
+function lawDocument(each) {
+  const [type, { stiffness }] = [lawOf(each), each];
+  if (type === "linear") return { type, stiffness, damping: each.damping || 0 };
+  return { type, stiffness, ...(type === "power" ? { exponent: each.exponent } : {}) };
 }
 
 /**

@@ -29,6 +29,12 @@ export function labelled(text, quantity) {
   return name ? `${text} (${name})` : text;
 }
 
+/** @param {number} exponent of the indentation in the force @returns {string} as "Stiffness (N/m^1.5)" */
+export function stiffnessLabel(exponent) {
+  if (exponent === 1 || !unit("length")) return labelled("Stiffness", "stiffness");
+  return `Stiffness (${unit("force")}/${unit("length")}^${exponent})`;
+}
+
 /** @param {number} dof @returns {string} its displacement, as the label of an axis */
 export function axisOf(dof) {
   return labelled(axisName(state.structure, dof), measure(state.structure, dof));

@@ -36,15 +36,17 @@ class JobOptions:
     """Seconds in which it must be done."""
     webhook: tuple[str, str] | None = None
     """Address to which a message goes when the job ends, and the secret that signs it."""
+    name: str | None = None
+    """What its owner calls it."""
 
     def fingerprint(self, result: str) -> str:
         """Return what an idempotency key stands for: the result, and how its job is queued.
 
         Without options it is the result alone, as where the key is used at compute.
         """
-        if self == JobOptions():
-            return result
         options = self.priority, self.deadline, self.webhook
+        if options == (0, None, None):
+            return result
         return digest.content(f"{result} {options!r}".encode())
 
 
@@ -74,7 +76,7 @@ def read_job(owner: str, body: bytes, settings: Settings) -> tuple[Request, JobO
     """
     job = parse.document(JobRequest, parse.json(body))
     kind = kinds.named(job.kind, "kind")
-    options = JobOptions(job.priority, job.deadline_seconds, _webhook(job, settings))
+    options = JobOptions(job.priority, job.deadline_seconds, _webhook(job, settings), job.name)
     return read(owner, kind, job.request, "request"), options
 
 

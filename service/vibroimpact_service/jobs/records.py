@@ -68,6 +68,8 @@ class NewJob:
         What its processor time is charged to, and the planned one until it ends; absent: nobody.
     fingerprint : str
         What the idempotency key stands for; empty: the result.
+    name : str, optional
+        What its owner calls it.
     """
 
     id: str
@@ -86,6 +88,7 @@ class NewJob:
     trace: str | None = None
     account: str | None = None
     fingerprint: str = ""
+    name: str | None = None
 
     @property
     def done(self) -> bool:
@@ -157,6 +160,7 @@ def _values(new: NewJob) -> dict[str, Any]:
         "reused": new.reused,
         "version": 1,
         "trace": new.trace,
+        "name": new.name,
         "account": None if new.done else new.account,
         "held": 0.0 if new.done or new.account is None else new.seconds,
     }

@@ -42,6 +42,7 @@ jobs = sa.Table(
     sa.Column("trace", sa.String(64)),
     sa.Column("account", sa.String(80)),
     sa.Column("held", sa.Float),
+    sa.Column("name", sa.String(120)),
 )
 
 idempotency = sa.Table(
@@ -133,6 +134,8 @@ class JobRow:
         What its processor time is charged to; absent: nobody.
     held : float
         What is charged to the account until it ends, seconds.
+    name : str, optional
+        What its owner calls it.
     taken_over : bool
         Whether it was claimed because the claim of another process had expired; no column.
     """
@@ -166,6 +169,7 @@ class JobRow:
     trace: str | None = None
     account: str | None = None
     held: float = 0.0
+    name: str | None = None
     taken_over: bool = False
 
     @property

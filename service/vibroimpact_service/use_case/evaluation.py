@@ -229,6 +229,7 @@ class Evaluation:
             fingerprint=options.fingerprint(request.digest),
             deadline=options.deadline,
             webhook=options.webhook,
+            name=options.name,
             block=block,
             account=admission.account,
         )

@@ -214,7 +214,7 @@ class Problem:
                 raise ModelError(("load", index), message, code="mixed_scales")
             for dof in force.dofs:
                 if not 0 <= dof < self.system.n:
-                    message = f"dof {dof} is not below the number of degrees of freedom"
+                    message = f"dof {dof} is none of 0 to {self.system.n - 1}: they count from 0"
                     raise ModelError(("load", index, "dof"), message, code="index_out_of_range")
             self._check_massless(index, force)
             if force.harmonic < 1:

@@ -196,6 +196,23 @@ def test_terms_of_a_job(http: TestClient, queue: Any, request_body: dict[str, An
     assert progress == {"done": 5, "total": 9, "kept": 2}
 
 
+def test_a_job_has_the_name_that_it_was_queued_with(
+    http: TestClient, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body, key="n-1", name="tube, gap 0.2 mm").json()
+    assert job["name"] == "tube, gap 0.2 mm"
+    assert http.get(f"/v1/jobs/{job['id']}").json()["name"] == "tube, gap 0.2 mm"
+    assert submit(http, request_body).json()["name"] is None
+    named = {each["id"]: each["name"] for each in http.get("/v1/jobs").json()["jobs"]}
+    assert named[job["id"]] == "tube, gap 0.2 mm"
+    # A name is not what is asked for: a repeated request may have another one.
+    assert submit(http, request_body, key="n-1", name="other").json()["id"] == job["id"]
+    for wrong in ("x" * 121, "two\nlines", 5):
+        answer = submit(http, request_body, name=wrong)
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["pointer"] == "/name"
+
+
 @pytest.mark.parametrize(
     ("changes", "pointer"),
     [

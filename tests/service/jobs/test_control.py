@@ -130,3 +130,11 @@ def test_the_history_says_why_attempts_ended(do: Callable[..., Any], database: s
     assert lost.worker == "tls://10.0.0.7:4000"
     assert lost.ended - lost.began == pytest.approx(2.5, abs=1e-3)
     assert all(each.ended >= each.began for each in history)
+
+
+def test_a_job_keeps_its_name(do: Callable[..., Any]) -> None:
+    submitted(do, name="tube, gap 0.2 mm")
+    submitted(do)
+    assert [job.name for job in do(claims.claim, "me", "bulk", 10, 100.0)] == [
+        "tube, gap 0.2 mm", None,
+    ]  # fmt: skip
