@@ -302,9 +302,9 @@ class TimeHistoryRequest(TypedDict):
     t_end: float
     """Length of the motion."""
     t: NotRequired[Sequence[float] | EqualTimes | TimeValues | TimePoints | TimeSteps | None]
-    """Output times, ascending; required for x, v and energy."""
+    """Output times, ascending; required for x, v, a and energy."""
     dofs: NotRequired[Sequence[int] | None]
-    """Degrees of freedom of x and v; absent: all."""
+    """Degrees of freedom of x, v and a; absent: all."""
     load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion | HarmonicBase] | None]
     """Loads in addition to the constant one of the system: harmonic, sampled, or by a moving
     base.
@@ -315,12 +315,13 @@ class TimeHistoryRequest(TypedDict):
     """exact, or an integrator of scipy for comparison, which can miss impacts. Default:
     "exact".
     """
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
-    """Outputs; only these are computed. x, v: displacement and velocity [time, dof]; impacts:
-    a table of all impacts; energy: kinetic and elastic energy and that of the constant load
-    [time]; contacts: a table of the times at which coordinates rest at rigid walls, or at which
-    stops of finite stiffness push, with impulse, largest force, indentation and loss; force:
-    the forces of stops of finite stiffness [time, constraint]. Default: ["impacts"].
+    outputs: NotRequired[Sequence[Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]]]
+    """Outputs; only these are computed. x, v, a: displacement, velocity and acceleration
+    [time, dof], this between impacts, of rigid stops and linear ones in double precision;
+    impacts: a table of all impacts; energy: kinetic and elastic energy and that of the constant
+    load [time]; contacts: a table of the times at which coordinates rest at rigid walls, or at
+    which stops of finite stiffness push, with impulse, largest force, indentation and loss;
+    force: the forces of stops of finite stiffness [time, constraint]. Default: ["impacts"].
     """
     initial: NotRequired[InitialState | InitialMode | None]
     """The state at t = 0; absent: at rest, with all displacements zero."""
@@ -353,9 +354,9 @@ class EnsembleRequest(TypedDict):
     t_end: float
     """Length of the motion."""
     t: NotRequired[Sequence[float] | EqualTimes | TimeValues | TimePoints | TimeSteps | None]
-    """Output times, ascending; required for x, v and energy."""
+    """Output times, ascending; required for x, v, a and energy."""
     dofs: NotRequired[Sequence[int] | None]
-    """Degrees of freedom of x and v; absent: all."""
+    """Degrees of freedom of x, v and a; absent: all."""
     load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion | HarmonicBase] | None]
     """Loads in addition to the constant one of the system: harmonic, sampled, or by a moving
     base.
@@ -366,10 +367,10 @@ class EnsembleRequest(TypedDict):
     """exact, or an integrator of scipy for comparison, which can miss impacts. Default:
     "exact".
     """
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
-    """Outputs; only these are computed. x, v: displacement and velocity [member, time, dof];
-    impacts, contacts: tables of all members, concatenated; energy: kinetic and elastic energy
-    and that of the constant load [member, time]. Default: ["impacts"].
+    outputs: NotRequired[Sequence[Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]]]
+    """Outputs; only these are computed. x, v, a: displacement, velocity and acceleration
+    [member, time, dof]; impacts, contacts: tables of all members, concatenated; energy: kinetic
+    and elastic energy and that of the constant load [member, time]. Default: ["impacts"].
     """
     initial: InitialStates | InitialState | InitialMode | Sequence[InitialState | InitialMode]
 
@@ -634,7 +635,7 @@ class TimeHistorySweep(_Continue):
     axes: Sequence[AxisValues | AxisPoints | AxisSteps]
     """Each is a dimension of the outputs; in this order, they come first."""
     outputs: NotRequired[
-        Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]] | None
+        Sequence[Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]] | None
     ]
     """What to compute; absent: the outputs of the base."""
 

@@ -18,7 +18,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 
-_HISTORIES: Final = ("x", "v", "energy")
+_HISTORIES: Final = ("x", "v", "a", "energy")
 """Outputs of time histories at the output times."""
 
 

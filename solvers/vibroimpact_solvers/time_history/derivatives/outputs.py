@@ -13,7 +13,8 @@ from vibroimpact_solvers.derivatives import named
 from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.time_history.derivatives.following import FACTOR, Following, Impacts
-from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.derivatives.terms import Bend
+from vibroimpact_solvers.time_history.problem import MOVED, Problem, State
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.stated_errors import Reach
 from vibroimpact_solvers.time_history.structure import Structure
@@ -146,10 +147,13 @@ class _Outputs:
     def __init__(self, problem: Problem, structure: Structure, following: Following) -> None:
         self._structure, self._names = structure, problem.outputs
         self._dofs, self._terms = problem.output_dofs, following.terms
-        self._reach = Reach(structure, structure.configuration(), self._dofs).history
+        self._reach = Reach(structure, structure.configuration(), self._dofs)
+        self._times = problem.history_times * structure.scale
+        pairs = zip(problem.parameters, self._terms, strict=True)
+        asked = "a" in self._names
+        self._bends = [Bend.of(structure, *pair) for pair in pairs] if asked else []
         count, times = len(problem.parameters), problem.history_times.size
-        shape = times, self._dofs.size, count
-        sizes = {"x": shape, "v": shape, "energy": (times, count)}
+        sizes = dict.fromkeys(MOVED, (times, self._dofs.size, count)) | {"energy": (times, count)}
         self._values = {
             name: np.full((2, *size), np.nan) for name, size in sizes.items() if name in self._names
         }
@@ -173,7 +177,15 @@ class _Outputs:
             value, error = self._values[name]
             value[some] = unit * np.swapaxes(rates[:, 1:] @ shapes, 1, 2)
             summed = unit * rounded * np.swapaxes(np.abs(rates[:, 1:]) @ np.abs(shapes), 1, 2)
-            error[some] = lengths[:, np.newaxis] * self._reach[place, :, np.newaxis] + summed
+            reach = self._reach.history[place]
+            error[some] = lengths[:, np.newaxis] * reach[:, np.newaxis] + summed
+        if "a" in self._values:
+            value, error = self._values["a"]
+            value[some], size = self._accelerations(some, states[0])
+            others = [self._accelerations(some, other)[0] for other in states[1:]]
+            error[some] = FACTOR * np.abs(np.array(others) - value[some]).max(axis=0)
+            error[some] += lengths[:, np.newaxis] * self._reach.bend[0, :, np.newaxis]
+            error[some] += rounded * size
         if "energy" in self._values:
             value, error = self._values["energy"]
             value[some], size = self._energies(states[0])
@@ -182,6 +194,22 @@ class _Outputs:
             length = np.sqrt((basis.measure * whole**2).sum(axis=(2, 3)))
             error[some] = FACTOR * np.abs(np.array(others) - value[some]).max(axis=0)
             error[some] += _PART * structure.scale**2 * length * lengths + rounded * size
+
+    def _accelerations(self, some: slice, states: Floats) -> tuple[Floats, Floats]:
+        """Return derivatives of accelerations, and the sums of the magnitudes of their terms.
+
+        The rates of the rates of a state have the accelerations as rates of their coordinates.
+        """
+        basis, unit = self._structure.configuration().basis, self._structure.scale**2
+        shapes = basis.modes.shapes[self._dofs].T
+        bends = basis.coordinates(basis.drift(states[:, 1:]))[1]
+        sizes = np.abs(bends)
+        for p, bend in enumerate(self._bends):
+            more, size = bend.at(self._times[some], states[:, 0])
+            bends[:, p] += more
+            sizes[:, p] += size
+        values = unit * np.swapaxes(bends @ shapes, 1, 2)
+        return values, unit * np.swapaxes(sizes @ np.abs(shapes), 1, 2)
 
     def _energies(self, states: Floats) -> tuple[Floats, Floats]:
         """Return derivatives of the energy, and the sums of the magnitudes of their terms."""

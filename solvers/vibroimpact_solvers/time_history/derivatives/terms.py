@@ -107,6 +107,45 @@ class _Rows:
     by_time: bool = False
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Bend:
+    """What one parameter adds to the second rates of the coordinates, in the time of the basis."""
+
+    rows: tuple[_Rows, ...]
+    rates: tuple[Floats, ...]  # (row, mode) each: accelerations by the directions
+
+    @classmethod
+    def of(cls, structure: Structure, parameter: Parameter, terms: Terms) -> Bend:
+        """Return that of a parameter."""
+        basis = structure.configuration().basis
+        every = tuple(each for each in _sources(structure, parameter, terms) if each.constants.size)
+        return cls(every, tuple(basis.coordinates(each.directions)[1] for each in every))
+
+    def at(self, times: Floats, states: Floats) -> tuple[Floats, Floats]:
+        """Return it at states, (sample, mode), and the sums of the magnitudes of its terms.
+
+        Parameters
+        ----------
+        times : array, shape (sample,)
+        states : array, shape (sample, 2, pair)
+            Of the motion.
+        """
+        flat = states.reshape(len(states), -1)
+        total, size = np.zeros((2, len(states), self._modes(states)))
+        for rows, rates in zip(self.rows, self.rates, strict=True):
+            forms = rows.forms.reshape(len(rows.forms), -1)
+            value = flat @ forms.T + rows.constants
+            each = np.abs(flat) @ np.abs(forms.T) + np.abs(rows.constants)
+            if rows.by_time:
+                value, each = value * times[:, np.newaxis], each * times[:, np.newaxis]
+            total += value @ rates
+            size += each @ np.abs(rates)
+        return total, size
+
+    def _modes(self, states: Floats) -> int:
+        return self.rates[0].shape[1] if self.rates else 1
+
+
 def sources(
     structure: Structure, parameters: Sequence[Parameter], terms: Sequence[Terms]
 ) -> Sources:
