@@ -145,12 +145,40 @@ def test_gap_and_amplitude_grow_together(store: Store) -> None:
     assert result.residual is None
 
 
-def test_a_wrong_model_is_rejected(store: Store) -> None:
+@pytest.mark.parametrize("make", [calibrated.bouncing, calibrated.accelerometer])
+def test_a_wrong_model_is_rejected(store: Store, make: Any) -> None:
     """The rig has two stops, the model one."""
-    rig = calibrated.bouncing(store, np.random.default_rng(7), stops=2)
+    rig = make(store, np.random.default_rng(7), stops=2)
     result = solved(store, {**rig.request, "outputs": ["chi2", "model_fits"]})
     assert result.model_fits is False
     assert result.p < 1e-6
+
+
+def test_accelerations_tell_what_is_relative_to_the_mass(store: Store) -> None:
+    """Load, spring and mass grow alike: an accelerometer alone does not tell their size."""
+    base = {
+        "system": {"M": [[1.0]], "K": [[1.0]], "damping": {"ratio": 0.05}, "constraints": []},
+        "initial": {"x": [0.0], "v": [0.0]},
+        "t_end": 20.0,
+        "load": [{"dof": 0, "amplitude": 0.5, "frequency": 1.3}],
+    }
+    t = np.linspace(0.1, 20.0, 200).tolist()
+    exact = calibrated.solved(store, "time-history", {**base, "outputs": ["a"], "t": t}).a
+    request = {
+        "kind": "time-history",
+        "base": base,
+        "unknowns": [
+            {"path": "system.M.scale", "start": 1.1, "lower": 0.5, "upper": 2.0},
+            {"path": "system.K.scale", "start": 0.9, "lower": 0.5, "upper": 2.0},
+            {"path": "load.0.amplitude", "start": 0.6, "lower": 0.2, "upper": 1.0},
+        ],
+        "data": [{"output": "a", "values": exact.tolist(), "sigma": 0.01, "t": t}],
+        "outputs": ["undetermined"],
+        "starts": 1,
+    }
+    result = solved(store, request)
+    (text,) = result.undetermined
+    assert all(name in text for name in ("system.M.scale", "system.K.scale", "amplitude"))
 
 
 def test_stops_of_finite_stiffness_are_fitted_by_differences(store: Store) -> None:
