@@ -1482,8 +1482,8 @@ class CalibrationCount(Table):
     differences: int
     """Computations for differences alone."""
     unmatched: int
-    """Impacts that the model has and the data has not, or the other way round, at the best
-    fit.
+    """Impacts that the model has and the data has not, or the other way round, or frequencies
+    at which the model has no stable motion, at the best fit.
     """
 
 

@@ -127,11 +127,11 @@ def test_many_motions_at_once() -> None:
     alone = solved(given)
     x, v = np.zeros((2, 2)), np.array([[0.3, 0.1], [1.0, 0.5]])
     many = ensemble.Problem(given.system, x, v, 10.0, given.t, outputs=STATES, load=LOAD)
-    members = ensemble.solve(many, ensemble.plan(many))
-    assert members.a is not None
-    assert members.error_a is not None
-    np.testing.assert_array_equal(members.a[1], alone.a)
-    np.testing.assert_array_equal(members.error_a[1], alone.error_a)
+    motions = ensemble.solve(many, ensemble.plan(many))
+    assert motions.a is not None
+    assert motions.error_a is not None
+    np.testing.assert_array_equal(motions.a[1], alone.a)
+    np.testing.assert_array_equal(motions.error_a[1], alone.error_a)
 
 
 @pytest.mark.parametrize(
