@@ -99,6 +99,7 @@ def derived(
     contact: float,
     until: float,
     grazings: int,
+    reach: Reach,
 ) -> dict[str, Any]:
     """Return the derivatives of a motion with rigid limiters.
 
@@ -117,6 +118,8 @@ def derived(
         Time until which the motion is predictable, or infinite.
     grazings : int
         Touches of walls without an impulse.
+    reach : Reach
+        Of the structure without contacts.
     """
     assert isinstance(problem.initial, State)
     end = _End(rows, errors, contact, until, grazings)
@@ -125,13 +128,13 @@ def derived(
         structure, problem.parameters, initial_state(problem, problem.initial, structure),
         Impacts.of(rows[: end.count], scale), times * scale,
     )  # fmt: skip
-    outputs = _Outputs(problem, structure, following)
+    outputs = _Outputs(problem, structure, following, reach)
     for some, states in following.blocks():
         outputs.take(some, states)
     end.stop(following.passed)
     values: dict[str, Any] = dict(named(problem.parameters))
     rates = [one.events.rates for one in following.motions]
-    impacts = _Impacts(structure, problem, rows, rates)
+    impacts = _Impacts(structure, problem, rows, rates, reach)
     values["derivative_distance"] = impacts.distance(end.count)
     if "impacts" in problem.outputs:
         values |= impacts.values(end.of_impacts)
@@ -144,10 +147,12 @@ def derived(
 class _Outputs:
     """Derivatives at the output times."""
 
-    def __init__(self, problem: Problem, structure: Structure, following: Following) -> None:
+    def __init__(
+        self, problem: Problem, structure: Structure, following: Following, reach: Reach
+    ) -> None:
         self._structure, self._names = structure, problem.outputs
         self._dofs, self._terms = problem.output_dofs, following.terms
-        self._reach = Reach(structure, structure.configuration(), self._dofs)
+        self._reach = reach
         self._times = problem.history_times * structure.scale
         pairs = zip(problem.parameters, self._terms, strict=True)
         asked = "a" in self._names
@@ -244,10 +249,14 @@ class _Impacts:
     """Derivatives of the impacts."""
 
     def __init__(
-        self, structure: Structure, problem: Problem, rows: Rows, rates: Sequence[Floats]
+        self,
+        structure: Structure,
+        problem: Problem,
+        rows: Rows,
+        rates: Sequence[Floats],
+        reach: Reach,
     ) -> None:
         self._structure, self._rows, self._rates = structure, rows, rates
-        reach = Reach(structure, structure.configuration(), problem.output_dofs)
         self._place, self._speed, _ = reach.coordinates
         self._count = len(problem.parameters)
 
