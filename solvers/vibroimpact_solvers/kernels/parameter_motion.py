@@ -86,13 +86,14 @@ class Stops(NamedTuple):
 class Sources(NamedTuple):
     """Terms ``u (v z + constant)``, some times t, of the equations of the rates, a row for each.
 
-    v and u are lists of numbers, each with its place in a state of 2 pair numbers.
+    v is a list of pairs, each with the numbers of its two parts, u one of numbers, each with its
+    place in a state of 2 pair numbers.
     """
 
     of: Integers  # (parameter + 1,): its first row
     form_start: Integers  # (row + 1,)
-    form_place: Integers
-    form_value: Floats
+    form_place: Integers  # (form,): the pair
+    form_value: Floats  # (form, 2)
     direction_start: Integers
     direction_place: Integers
     direction_value: Floats
@@ -153,9 +154,11 @@ class Room(NamedTuple):
 @inner
 def _add_source(sources: Sources, row: int, t: float, z: Floats, out: Floats) -> None:
     """Add the term of one row at a state; both are flat, (2 pair,)."""
-    total = sources.constant[row]
+    pairs, total = z.size // 2, sources.constant[row]
     for k in range(sources.form_start[row], sources.form_start[row + 1]):
-        total += sources.form_value[k] * z[sources.form_place[k]]
+        pair = sources.form_place[k]
+        total += sources.form_value[k, Z1] * z[pair]
+        total += sources.form_value[k, Z2] * z[pairs + pair]
     if sources.by_time[row]:
         total *= t
     for k in range(sources.direction_start[row], sources.direction_start[row + 1]):
@@ -188,7 +191,7 @@ def _differences(
         turned = (sign * flow.nu[k] - flow.nu[i]) + (sign * flow.rest[k] - flow.rest[i])
         apart = complex(flow.alpha[k] - flow.alpha[i], turned)
     y = apart * s
-    if abs(y) <= _SMALL:
+    if y.real * y.real + y.imag * y.imag <= _SMALL * _SMALL:
         first, second = _quotient(y)
         return s * end * first, s * s * end * second
     over = apart.conjugate() * (1.0 / (apart.real * apart.real + apart.imag * apart.imag))
@@ -212,12 +215,9 @@ def _integrate_row(
             total += sources.constant[row] * first
             grown += sources.constant[row] * second
         for f in range(sources.form_start[row], sources.form_start[row + 1]):
-            at = sources.form_place[f]
-            side = Z2 if at >= pairs else Z1
-            k = at - side * pairs
-            w = complex(z[Z1, k], -z[Z2, k]) * (0.5 * sources.form_value[f])
-            if side == Z2:
-                w *= 1.0j
+            k = sources.form_place[f]
+            form = complex(sources.form_value[f, Z1], sources.form_value[f, Z2])
+            w = complex(z[Z1, k], -z[Z2, k]) * (0.5 * form)
             first, second = _differences(flow, room.propagator, i, k, False, s)
             total += w * first
             grown += w * second

@@ -161,9 +161,10 @@ def sources(
     ]
     every = [rows for each in lists for rows in each]
     counts = [sum(rows.constants.size for rows in each) for each in lists]
-    form, direction = (
-        _listed([getattr(rows, name) for rows in every]) for name in ("forms", "directions")
-    )
+    pairs = [np.moveaxis(rows.forms, 1, 2) for rows in every]
+    form = _listed(pairs, np.zeros((0, 2)))
+    flat = [rows.directions.reshape(len(rows.directions), -1) for rows in every]
+    direction = _listed(flat, np.zeros(0))
     closed_from = _closed_from(structure, counts, form, direction)
     return Sources(
         _starts(counts),
@@ -310,16 +311,15 @@ def _starts(counts: Sequence[int]) -> Integers:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def _listed(parts: Sequence[Floats]) -> _List:
-    """Return rows of numbers without their zeros."""
-    starts, places, values = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
+def _listed(parts: Sequence[Floats], none: Floats) -> _List:
+    """Return rows of numbers, or of several each, without zeros; none are no numbers."""
+    starts, places, values = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)], [none]
     count = 0
     for part in parts:
-        flat = part.reshape(len(part), -1)
-        row, place = np.nonzero(flat)
-        ends = np.cumsum(np.bincount(row, minlength=len(flat)))
+        row, place = np.nonzero(part if part.ndim == 2 else part.any(axis=2))
+        ends = np.cumsum(np.bincount(row, minlength=len(part)))
         starts.append((count + ends).astype(np.int64))
         places.append(place.astype(np.int64))
-        values.append(flat[row, place])
+        values.append(part[row, place])
         count += row.size
     return np.concatenate(starts), np.concatenate(places), np.concatenate(values)
