@@ -33,7 +33,9 @@ def solved(store: Store, kind: str, content: Document) -> Any:
     return planned.kind.solver.solve(planned.problem, planned.plan)
 
 
-def bouncing(store: Store, random: np.random.Generator, *, stops: int = 1) -> Rig:
+def bouncing(
+    store: Store, random: np.random.Generator, *, stops: int = 1, accelerations: bool = False
+) -> Rig:
     """Return a driven mass at a stop, or between two: gap, restitution and damping."""
     gap, restitution = random.uniform(0.3, 0.6), random.uniform(0.5, 0.9)
     ratio = random.uniform(0.02, 0.06)
@@ -51,9 +53,9 @@ def bouncing(store: Store, random: np.random.Generator, *, stops: int = 1) -> Ri
             "load": [{"dof": 0, "amplitude": 0.4, "frequency": 1.3}],
         }  # fmt: skip
 
-    t = np.linspace(0.5, 15.0, 30)
-    told = {**base(stops), "outputs": ["impacts", "x"], "t": t.tolist()}
-    motion = solved(store, "time-history", told)
+    t = np.linspace(0.5, 15.0, 150 if accelerations else 30)
+    outputs = ["impacts", "a" if accelerations else "x"]
+    motion = solved(store, "time-history", {**base(stops), "outputs": outputs, "t": t.tolist()})
     truth = {
         "system.constraints.0.gap.upper": gap,
         "system.constraints.0.restitution": restitution,
@@ -61,9 +63,20 @@ def bouncing(store: Store, random: np.random.Generator, *, stops: int = 1) -> Ri
     }
     data = [
         _noisy(random, "impacts.time", np.sort(motion.impact_time), 2e-3),
-        {**_noisy(random, "x", motion.x, 5e-3), "t": t.tolist()},
+        {**_noisy(random, outputs[1], getattr(motion, outputs[1]), 5e-3), "t": t.tolist()},
     ]
+    if accelerations:
+        # Near impacts an accelerometer shows the blows, which the model does not have.
+        near = np.abs(t[:, np.newaxis] - motion.impact_time).min(axis=1, initial=np.inf) < 0.02
+        data[1]["values"] = [
+            [None] if off else row for row, off in zip(data[1]["values"], near, strict=True)
+        ]
     return Rig(_request("time-history", base(1), truth, data, random), truth)
+
+
+def accelerometer(store: Store, random: np.random.Generator, *, stops: int = 1) -> Rig:
+    """Return the driven mass whose accelerations were measured between its impacts."""
+    return bouncing(store, random, stops=stops, accelerations=True)
 
 
 def chain(store: Store, random: np.random.Generator) -> Rig:
@@ -125,7 +138,46 @@ def impact_mode(store: Store, random: np.random.Generator) -> Rig:
     return Rig(_request("impact-modes", base(K), truth, data, random), truth)
 
 
-RIGS = (structure, impact_mode, bouncing, chain)
+def sweep(store: Store, random: np.random.Generator, *, stops: int = 1) -> Rig:
+    """Return a driven mass whose amplitudes were measured while the frequency of its drive rose.
+
+    Where two motions are stable the record has the larger one, where no motion with at most one
+    impact in a period is, nothing.
+    """
+    gap, restitution = random.uniform(0.6, 0.9), random.uniform(0.5, 0.7)
+    ratio = random.uniform(0.04, 0.06)
+
+    def base(walls: int) -> Document:
+        # The second stop is in the way of the larger motions alone.
+        limits = {"lower": 0.9 * gap if walls == 2 else None, "upper": gap}
+        stop = {"dof": 0, "gap": limits, "restitution": restitution}
+        return {
+            "system": {
+                "M": [[1.0]], "K": [[1.0]], "damping": {"ratio": ratio}, "constraints": [stop],
+            },
+            "load": [{"dof": 0, "amplitude": 0.2}],
+            "frequency": {"values": np.linspace(0.7, 1.3, 16).tolist()},
+            **({"sequence": [{"constraint": 0, "side": "lower"}]} if walls == 2 else {}),
+        }  # fmt: skip
+
+    outputs = ["extremes", "exists", "stability"]
+    motions = solved(store, "periodic-motions", {**base(stops), "outputs": outputs})
+    stable = motions.solution_exists & (motions.solution_stability < 1.0)
+    rows = []
+    for k in range(16):
+        places = np.flatnonzero(stable & (motions.solution_frequency_index == k))
+        rows.append(motions.solution_x_min[places].min(axis=0, initial=np.inf))
+    data = [_noisy(random, "solution.x_min", np.stack(rows), 3e-3)]
+    data[0]["values"] = [[x if np.isfinite(x) else None for x in row] for row in data[0]["values"]]
+    truth = {
+        "system.constraints.0.gap.upper": gap,
+        "system.constraints.0.restitution": restitution,
+        "system.damping.ratio": ratio,
+    }
+    return Rig(_request("periodic-motions", base(1), truth, data, random), truth)
+
+
+RIGS = (structure, impact_mode, bouncing, accelerometer, chain, sweep)
 
 
 def _noisy(random: np.random.Generator, output: str, exact: Any, sigma: float) -> Document:
@@ -181,12 +233,14 @@ def main(count: int, seed: int) -> None:
             share = 100.0 * np.mean(inside)
             print(f"{make.__name__}: {len(inside)} intervals, {share:.1f} % contain the truth; "
                   f"{fits} of {count} models fit", flush=True)  # fmt: skip
-        rejected = 0
-        for k in range(count):
-            rig = bouncing(store, np.random.default_rng([seed + 1, k]), stops=2)
-            request = {**rig.request, "outputs": ["model_fits"]}
-            rejected += solved(store, "calibration", request).model_fits is False
-        print(f"two stops, one assumed: {rejected} of {count} rejected", flush=True)
+        for wrong in (bouncing, accelerometer, sweep):
+            rejected = 0
+            for k in range(count):
+                rig = wrong(store, np.random.default_rng([seed + 1, k]), stops=2)
+                request = {**rig.request, "outputs": ["model_fits"]}
+                rejected += solved(store, "calibration", request).model_fits is False
+            print(f"{wrong.__name__}: two stops, one assumed: {rejected} of {count} rejected",
+                  flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

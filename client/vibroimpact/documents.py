@@ -302,9 +302,9 @@ class TimeHistoryRequest(TypedDict):
     t_end: float
     """Length of the motion."""
     t: NotRequired[Sequence[float] | EqualTimes | TimeValues | TimePoints | TimeSteps | None]
-    """Output times, ascending; required for x, v and energy."""
+    """Output times, ascending; required for x, v, a and energy."""
     dofs: NotRequired[Sequence[int] | None]
-    """Degrees of freedom of x and v; absent: all."""
+    """Degrees of freedom of x, v and a; absent: all."""
     load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion | HarmonicBase] | None]
     """Loads in addition to the constant one of the system: harmonic, sampled, or by a moving
     base.
@@ -315,12 +315,13 @@ class TimeHistoryRequest(TypedDict):
     """exact, or an integrator of scipy for comparison, which can miss impacts. Default:
     "exact".
     """
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
-    """Outputs; only these are computed. x, v: displacement and velocity [time, dof]; impacts:
-    a table of all impacts; energy: kinetic and elastic energy and that of the constant load
-    [time]; contacts: a table of the times at which coordinates rest at rigid walls, or at which
-    stops of finite stiffness push, with impulse, largest force, indentation and loss; force:
-    the forces of stops of finite stiffness [time, constraint]. Default: ["impacts"].
+    outputs: NotRequired[Sequence[Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]]]
+    """Outputs; only these are computed. x, v, a: displacement, velocity and acceleration
+    [time, dof], this between impacts, of rigid stops and linear ones in double precision;
+    impacts: a table of all impacts; energy: kinetic and elastic energy and that of the constant
+    load [time]; contacts: a table of the times at which coordinates rest at rigid walls, or at
+    which stops of finite stiffness push, with impulse, largest force, indentation and loss;
+    force: the forces of stops of finite stiffness [time, constraint]. Default: ["impacts"].
     """
     initial: NotRequired[InitialState | InitialMode | None]
     """The state at t = 0; absent: at rest, with all displacements zero."""
@@ -353,9 +354,9 @@ class EnsembleRequest(TypedDict):
     t_end: float
     """Length of the motion."""
     t: NotRequired[Sequence[float] | EqualTimes | TimeValues | TimePoints | TimeSteps | None]
-    """Output times, ascending; required for x, v and energy."""
+    """Output times, ascending; required for x, v, a and energy."""
     dofs: NotRequired[Sequence[int] | None]
-    """Degrees of freedom of x and v; absent: all."""
+    """Degrees of freedom of x, v and a; absent: all."""
     load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion | HarmonicBase] | None]
     """Loads in addition to the constant one of the system: harmonic, sampled, or by a moving
     base.
@@ -366,10 +367,10 @@ class EnsembleRequest(TypedDict):
     """exact, or an integrator of scipy for comparison, which can miss impacts. Default:
     "exact".
     """
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
-    """Outputs; only these are computed. x, v: displacement and velocity [member, time, dof];
-    impacts, contacts: tables of all members, concatenated; energy: kinetic and elastic energy
-    and that of the constant load [member, time]. Default: ["impacts"].
+    outputs: NotRequired[Sequence[Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]]]
+    """Outputs; only these are computed. x, v, a: displacement, velocity and acceleration
+    [member, time, dof]; impacts, contacts: tables of all members, concatenated; energy: kinetic
+    and elastic energy and that of the constant load [member, time]. Default: ["impacts"].
     """
     initial: InitialStates | InitialState | InitialMode | Sequence[InitialState | InitialMode]
 
@@ -531,6 +532,45 @@ class TimeHistoryCalibration(TypedDict):
     """
 
 
+class PeriodicMotionsCalibration(TypedDict):
+    """Numbers of a driven structure from its amplitudes over the frequency of the drive.
+
+    A measured amplitude is that of the stable, admissible motion that is nearest to it.
+    """
+
+    kind: Literal["periodic-motions"]
+    base: PeriodicMotionsRequest
+    """The request whose numbers are unknown; its outputs are those that are measured."""
+    unknowns: Sequence[Unknown]
+    """The unknown numbers."""
+    data: Sequence[MeasuredOutput]
+    """The measurements."""
+    starts: NotRequired[int]
+    """Searches at most: the first from the starts of the unknowns, the others from points
+    between the bounds, within two standard deviations of the prior or, where there is neither,
+    within half the start. They end when two agree on a fit that the data permits. Default: 8.
+    """
+    evaluations: NotRequired[int]
+    """Most evaluations of the model in one search. Default: 100."""
+    seed: NotRequired[int | None]
+    """Of the points from which searches start; absent: made of the data."""
+    outputs: NotRequired[
+        Sequence[
+            Literal[
+                "value", "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"
+            ]
+        ]
+    ]
+    """Outputs; only these are computed, the values always. value: the unknowns that fit best
+    [unknown]; covariance: of the values [unknown, unknown]; interval: 95 % interval of each by
+    profile of the likelihood [unknown, 2]; undetermined: combinations of unknowns that the data
+    does not tell, and all principal directions; residual: measured less computed values, by
+    their standard deviations; chi2: the sum of their squares, its degrees of freedom, and the
+    probability of a larger one; model_fits: whether that is at least 0.05. Default: ["value",
+    "covariance", "interval", "undetermined", "residual", "chi2", "model_fits"].
+    """
+
+
 class NaturalFrequenciesSweep(_Continue):
     """Natural frequencies over a parameter grid: the same number of modes at every point."""
 
@@ -634,7 +674,7 @@ class TimeHistorySweep(_Continue):
     axes: Sequence[AxisValues | AxisPoints | AxisSteps]
     """Each is a dimension of the outputs; in this order, they come first."""
     outputs: NotRequired[
-        Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]] | None
+        Sequence[Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]] | None
     ]
     """What to compute; absent: the outputs of the base."""
 
@@ -1209,14 +1249,17 @@ class MeasuredOutput(TypedDict):
     """Measurements of one output of the base, with normal noise that is not correlated."""
 
     output: str
-    """Its path in results, with dots: a numeric output that has derivatives."""
+    """Its path in results, with dots: a numeric output that has derivatives, or an amplitude
+    of periodic motions, solution.x_max, solution.x_min or solution.rms.
+    """
     values: (
         Sequence[float | None]
         | Sequence[Sequence[float | None]]
         | Sequence[Sequence[Sequence[float | None]]]
     )
     """Measured values in the shape of the output, null where nothing was measured. Of modes
-    the lowest ones; of impacts all from 0 to t_end, in their order.
+    the lowest ones; of impacts all from 0 to t_end, in their order; of periodic motions a row
+    for each frequency.
     """
     sigma: float | Sequence[float] | Sequence[Sequence[float]]
     """Standard deviation of the noise: one number, or one for each value, in the same shape."""
@@ -1725,7 +1768,12 @@ System = (
 )
 """A structure."""
 
-CalibrationRequest = NaturalFrequenciesCalibration | ImpactModesCalibration | TimeHistoryCalibration
+CalibrationRequest = (
+    NaturalFrequenciesCalibration
+    | ImpactModesCalibration
+    | TimeHistoryCalibration
+    | PeriodicMotionsCalibration
+)
 """Unknown numbers of a request, and measurements."""
 
 SweepRequest = (
@@ -1768,5 +1816,7 @@ BaseRequest = (
 )
 """What a sweep computes at every point."""
 
-CalibratedRequest = NaturalFrequenciesRequest | ImpactModesRequest | TimeHistoryRequest
+CalibratedRequest = (
+    NaturalFrequenciesRequest | ImpactModesRequest | TimeHistoryRequest | PeriodicMotionsRequest
+)
 """What a calibration fits to measurements."""

@@ -1141,6 +1141,10 @@ class TimeHistoryErrorDerivative(Table):
     """Error of the derivative of the velocity, shape (t, dof, parameter), length / time; nan:
     unbounded, or there is no derivative.
     """
+    a: Floats
+    """Error of the derivative of the acceleration, shape (t, dof, parameter), length / time²;
+    nan: unbounded, or there is no derivative.
+    """
     energy: Floats
     """Error of the derivative of the energy, shape (t, parameter), mass length² / time²; nan:
     unbounded, or there is no derivative.
@@ -1164,6 +1168,10 @@ class TimeHistoryError(Table):
     v: Floats
     """Error of the velocity, shape (t, dof), length / time; nan: not estimated, or beyond the
     horizon.
+    """
+    a: Floats
+    """Error of the acceleration, shape (t, dof), length / time²; nan: not estimated, or beyond
+    the horizon.
     """
     energy: Floats
     """Error of the energy, shape (t), mass length² / time²; nan: not estimated, or beyond the
@@ -1250,6 +1258,10 @@ class TimeHistoryDerivative(Derivatives):
     """Derivative of the velocity by the parameter, shape (t, dof, parameter), length / time;
     nan: there is none, see reason.
     """
+    a: Floats
+    """Derivative of the acceleration by the parameter, shape (t, dof, parameter), length /
+    time²; nan: there is none, see reason.
+    """
     energy: Floats
     """Derivative of the energy by the parameter, shape (t, parameter), mass length² / time²;
     nan: there is none, see reason.
@@ -1283,6 +1295,10 @@ class EnsembleError(Table):
     v: Floats
     """Error of the velocity, shape (member, t, dof), length / time; nan: the member has no
     motion, beyond its horizon, or not estimated.
+    """
+    a: Floats
+    """Error of the acceleration, shape (member, t, dof), length / time²; nan: the member has
+    no motion, beyond its horizon, or not estimated.
     """
     energy: Floats
     """Error of the energy, shape (member, t), mass length² / time²; nan: the member has no
@@ -1466,8 +1482,8 @@ class CalibrationCount(Table):
     differences: int
     """Computations for differences alone."""
     unmatched: int
-    """Impacts that the model has and the data has not, or the other way round, at the best
-    fit.
+    """Impacts that the model has and the data has not, or the other way round, or frequencies
+    at which the model has no stable motion, at the best fit.
     """
 
 
@@ -1809,6 +1825,8 @@ class TimeHistory(Motion):
     """Displacement, shape (t, dof), length."""
     v: Floats
     """Velocity, shape (t, dof), length / time."""
+    a: Floats
+    """Acceleration, shape (t, dof), length / time²; between impacts, without their impulses."""
     energy: Floats
     """Mechanical energy, that of the constant load and of compressed stops included, shape
     (t), mass length² / time².
@@ -1858,6 +1876,10 @@ class Ensemble(Result):
     """Displacement, shape (member, t, dof), length; nan: the member has no motion."""
     v: Floats
     """Velocity, shape (member, t, dof), length / time; nan: the member has no motion."""
+    a: Floats
+    """Acceleration, shape (member, t, dof), length / time²; between impacts, without their
+    impulses; nan: the member has no motion.
+    """
     energy: Floats
     """Mechanical energy, that of the constant load and of compressed stops included, shape
     (member, t), mass length² / time²; nan: the member has no motion.

@@ -50,8 +50,9 @@ class MeasuredOutput(Document):
 
     output: Annotated[str, Field(pattern=r"^[A-Za-z_0-9]+(\.[A-Za-z_0-9]+)*$", max_length=100)] = (
         Field(
-            description="Its path in results, with dots: a numeric output that has derivatives.",
-            examples=["impacts.time", "x", "Omega"],
+            description="Its path in results, with dots: a numeric output that has derivatives, or "
+            "an amplitude of periodic motions, solution.x_max, solution.x_min or solution.rms.",
+            examples=["impacts.time", "x", "Omega", "solution.x_max"],
         )
     )
     values: (
@@ -60,7 +61,8 @@ class MeasuredOutput(Document):
         | Annotated[list[list[Row]], Field(min_length=1, fail_fast=True)]
     ) = Field(
         description="Measured values in the shape of the output, null where nothing was measured. "
-        "Of modes the lowest ones; of impacts all from 0 to t_end, in their order."
+        "Of modes the lowest ones; of impacts all from 0 to t_end, in their order; of periodic "
+        "motions a row for each frequency."
     )
     sigma: (
         Positive
@@ -153,8 +155,20 @@ class TimeHistoryCalibration(CalibrationOf[requests.TimeHistoryRequest]):
     kind: Literal["time-history"]
 
 
+class PeriodicMotionsCalibration(CalibrationOf[requests.PeriodicMotionsRequest]):
+    """Numbers of a driven structure from its amplitudes over the frequency of the drive.
+
+    A measured amplitude is that of the stable, admissible motion that is nearest to it.
+    """
+
+    kind: Literal["periodic-motions"]
+
+
 AnyCalibration = Annotated[
-    NaturalFrequenciesCalibration | ImpactModesCalibration | TimeHistoryCalibration,
+    NaturalFrequenciesCalibration
+    | ImpactModesCalibration
+    | TimeHistoryCalibration
+    | PeriodicMotionsCalibration,
     Field(discriminator="kind"),
 ]
 

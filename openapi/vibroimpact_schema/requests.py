@@ -204,7 +204,7 @@ class ResonancesRequest(ComputationRequest):
     )
 
 
-TimeHistoryOutput = Literal["x", "v", "impacts", "energy", "contacts", "force"]
+TimeHistoryOutput = Literal["x", "v", "a", "impacts", "energy", "contacts", "force"]
 
 
 TimeHistoryMethod = Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]
@@ -215,10 +215,10 @@ class MotionRequest(ComputationRequest):
 
     t_end: Positive = Field(description="Length of the motion.")
     t: Times | None = Field(
-        None, description="Output times, ascending; required for x, v and energy."
+        None, description="Output times, ascending; required for x, v, a and energy."
     )
     dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
-        None, description="Degrees of freedom of x and v; absent: all."
+        None, description="Degrees of freedom of x, v and a; absent: all."
     )
     load: Annotated[list[MotionLoad], Field(fail_fast=True)] | None = Field(
         None,
@@ -253,7 +253,8 @@ class TimeHistoryRequest(MotionRequest):
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
         description="Outputs; only these are computed. "
-        "x, v: displacement and velocity [time, dof]; "
+        "x, v, a: displacement, velocity and acceleration [time, dof], this between impacts, of "
+        "rigid stops and linear ones in double precision; "
         "impacts: a table of all impacts; "
         "energy: kinetic and elastic energy and that of the constant load [time]; "
         "contacts: a table of the times at which coordinates rest at rigid walls, or at which "
@@ -279,7 +280,7 @@ class EnsembleRequest(MotionRequest):
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
         description="Outputs; only these are computed. "
-        "x, v: displacement and velocity [member, time, dof]; "
+        "x, v, a: displacement, velocity and acceleration [member, time, dof]; "
         "impacts, contacts: tables of all members, concatenated; "
         "energy: kinetic and elastic energy and that of the constant load [member, time].",
     )

@@ -179,6 +179,23 @@ def test_the_calibration_page() -> None:
     assert len(fit.undetermined) == 0
 
 
+def test_the_quiet_drive_from_an_accelerometer() -> None:
+    """The rig is found again, and its drives are those of the rig that it was made with."""
+    names = _run("docs/stories/rig.md")
+    fit, (gap, _, K, ratio) = names["fit"], names["true"]
+    assert len(names["times"]) == 13
+    assert fit.model_fits
+    assert len(fit.undetermined) == 0
+    deviation = np.sqrt(np.diagonal(fit.covariance))
+    assert (np.abs(fit.value - names["true"]) < 4.0 * deviation).all()
+    assert deviation[0] < 1e-5
+    mass, Omega = names["mass"], names["Omega"]
+    quiet = gap * np.hypot(K - mass * Omega**2, 2.0 * ratio * np.sqrt(K * mass) * Omega)
+    assert names["low"] < quiet < names["high"]
+    assert names["low"] < names["special"]["grazing"] < names["high"]
+    assert names["special"]["fold"] == pytest.approx(0.186, abs=2e-3)
+
+
 def test_the_plots_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     _run("docs/plots.md")

@@ -71,6 +71,7 @@ class History:
     impacts: list[Impact] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     states: list[Any] = field(default_factory=list)  # at the output times
+    rates: list[Any] = field(default_factory=list)  # of these states
 
 
 @dataclass(frozen=True)
@@ -267,6 +268,7 @@ class RigidMotion:
         while len(states) < len(self.times) and self.times[len(states)] <= self.t + duration:
             s = (self.times[len(states)] - self.t) / H
             states.append(self.configuration.at(self.z, s.mid()))
+            self.motion.rates.append(self.configuration.A * states[-1])
 
     def _press(self, s: Any) -> None:
         """Add what the walls give to the coordinates at rest in a part s of a step."""

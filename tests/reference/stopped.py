@@ -55,6 +55,7 @@ class StoppedHistory:
 
     contacts: list[Phase] = field(default_factory=list)
     states: list[Any] = field(default_factory=list)  # at the output times
+    rates: list[Any] = field(default_factory=list)  # of these states
     forces: list[list[Any]] = field(default_factory=list)
 
 
@@ -257,6 +258,7 @@ class StoppedMotion:
         while len(states) < len(self.times) and self.times[len(states)] <= self.t + duration:
             z = self._at(((self.times[len(states)] - self.t) / H).mid())
             states.append(z)
+            self.motion.rates.append(self._flow.A * z)
             forces = [arb(0)] * len(self.stops)
             for a, side in self._loaded:
                 forces[a] = (self._force(a, side) * z)[0, 0].mid()

@@ -18,6 +18,7 @@ from vibroimpact_solvers.calibration.model import Evaluation, Model
 
 pytestmark = pytest.mark.needs("compiled kernels")
 Document = dict[str, Any]
+DIFFERENTIATED = [rig for rig in calibrated.RIGS if rig is not calibrated.sweep]
 
 
 def solved(store: Store, request: Document) -> Any:
@@ -38,7 +39,7 @@ def test_the_truth_lies_where_the_covariance_says(store: Store, make: Any) -> No
     assert (result.value < result.interval[:, 1]).all()
 
 
-@pytest.mark.parametrize("make", calibrated.RIGS, ids=lambda make: make.__name__)
+@pytest.mark.parametrize("make", DIFFERENTIATED, ids=lambda make: make.__name__)
 def test_the_jacobian_is_that_of_differences(store: Store, make: Any) -> None:
     request = make(store, np.random.default_rng([6, 2])).request
     model = Model(_problem(store, request), differences=False)
@@ -145,12 +146,81 @@ def test_gap_and_amplitude_grow_together(store: Store) -> None:
     assert result.residual is None
 
 
-def test_a_wrong_model_is_rejected(store: Store) -> None:
+@pytest.mark.parametrize("make", [calibrated.bouncing, calibrated.accelerometer, calibrated.sweep])
+def test_a_wrong_model_is_rejected(store: Store, make: Any) -> None:
     """The rig has two stops, the model one."""
-    rig = calibrated.bouncing(store, np.random.default_rng(7), stops=2)
+    rig = make(store, np.random.default_rng(7), stops=2)
     result = solved(store, {**rig.request, "outputs": ["chi2", "model_fits"]})
     assert result.model_fits is False
     assert result.p < 1e-6
+
+
+def test_amplitudes_are_those_of_the_nearest_stable_motion(store: Store) -> None:
+    """Where two motions are stable, the larger one tells the gap, the smaller one does not."""
+    stop = {"dof": 0, "gap": {"lower": None, "upper": 0.8}, "restitution": 0.6}
+    base = {
+        "system": {"M": [[1.0]], "K": [[1.0]], "damping": {"ratio": 0.05}, "constraints": [stop]},
+        "load": [{"dof": 0, "amplitude": 0.2}],
+        "frequency": {"values": [1.2, 1.6]},
+    }
+    outputs = ["extremes", "exists", "stability"]
+    motions = calibrated.solved(store, "periodic-motions", {**base, "outputs": outputs})
+    both = motions.solution_exists & (motions.solution_stability < 1.0)
+    at_first = np.flatnonzero(both & (motions.solution_frequency_index == 0))
+    small, large = sorted(motions.solution_x_min[at_first, 0], reverse=True)
+    path = "system.constraints.0.gap.upper"
+    request = {
+        "kind": "periodic-motions",
+        "base": base,
+        "unknowns": [{"path": path, "start": 0.78, "lower": 0.7, "upper": 0.9}],
+        "starts": 1,
+        "outputs": ["undetermined", "residual"],
+    }
+    data = {"output": "solution.x_min", "values": [[large], [None]], "sigma": 1e-3}
+    fit = solved(store, {**request, "data": [data]})
+    assert fit.value[0] == pytest.approx(0.8, abs=1e-6)
+    assert fit.undetermined == []
+    fit = solved(store, {**request, "data": [{**data, "values": [[small], [None]]}]})
+    assert [path in text for text in fit.undetermined] == [True]
+    assert np.abs(fit.residual).max() < 1e-9
+
+
+def test_a_record_of_motions_that_the_model_does_not_have_is_said(store: Store) -> None:
+    rig = calibrated.sweep(store, np.random.default_rng([5, 1]))
+    values = [[-0.5 if x is None else x] for (x,) in rig.request["data"][0]["values"]]
+    assert len(values) > sum(x is not None for (x,) in rig.request["data"][0]["values"])
+    data = [{**rig.request["data"][0], "values": values}]
+    few = {"data": data, "starts": 1, "outputs": ["model_fits"]}
+    result = solved(store, {**rig.request, **few})
+    assert result.model_fits is False
+    assert any("stable, admissible motion" in text for text in result.cautions)
+
+
+def test_accelerations_tell_what_is_relative_to_the_mass(store: Store) -> None:
+    """Load, spring and mass grow alike: an accelerometer alone does not tell their size."""
+    base = {
+        "system": {"M": [[1.0]], "K": [[1.0]], "damping": {"ratio": 0.05}, "constraints": []},
+        "initial": {"x": [0.0], "v": [0.0]},
+        "t_end": 20.0,
+        "load": [{"dof": 0, "amplitude": 0.5, "frequency": 1.3}],
+    }
+    t = np.linspace(0.1, 20.0, 200).tolist()
+    exact = calibrated.solved(store, "time-history", {**base, "outputs": ["a"], "t": t}).a
+    request = {
+        "kind": "time-history",
+        "base": base,
+        "unknowns": [
+            {"path": "system.M.scale", "start": 1.1, "lower": 0.5, "upper": 2.0},
+            {"path": "system.K.scale", "start": 0.9, "lower": 0.5, "upper": 2.0},
+            {"path": "load.0.amplitude", "start": 0.6, "lower": 0.2, "upper": 1.0},
+        ],
+        "data": [{"output": "a", "values": exact.tolist(), "sigma": 0.01, "t": t}],
+        "outputs": ["undetermined"],
+        "starts": 1,
+    }
+    result = solved(store, request)
+    (text,) = result.undetermined
+    assert all(name in text for name in ("system.M.scale", "system.K.scale", "amplitude"))
 
 
 def test_stops_of_finite_stiffness_are_fitted_by_differences(store: Store) -> None:

@@ -102,7 +102,9 @@ def whole(kind: str, request: dict[str, Any]) -> dict[str, Any]:
     annotation: Any = KINDS[kind].request.model_fields["outputs"].annotation
     outputs = list(get_args(get_args(annotation)[0]))
     if "limiter" in request:
-        outputs = [name for name in outputs if name not in {"impacts", "contacts"}]
+        outputs = [name for name in outputs if name not in {"impacts", "contacts", "a"}]
+    if "a" in outputs and (request.get("digits") or request.get("method", "exact") != "exact"):
+        outputs.remove("a")
     if kind == "natural-frequencies" and "directions" not in request:
         outputs.remove("effective_mass")
     stops = request.get("system", {}).get("constraints", ())
@@ -154,7 +156,7 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "initial": {"x": [0.05, -0.02, 0.08, 0.01], "v": [1.2, -0.7, 0.4, 0.9]},
             "t_end": 80, "t": {"num": 9}, "outputs": ALL,
         },
-        {"system": LOSSY, **HISTORY, "outputs": ALL, "derivatives": ["system.Omega0"]},
+        {"system": LOSSY, **HISTORY, "outputs": [*ALL, "a"], "derivatives": ["system.Omega0"]},
     ],
     "ensemble": [
         {
@@ -168,7 +170,7 @@ MORE: dict[str, list[dict[str, Any]]] = {
                 ],
             },
             "initial": {"x": [[0.0], [0.1]], "v": [[1.0], [2.0]]},
-            "t_end": 4, "t": {"num": 3}, "outputs": ["x", "v", "energy", "contacts", "force"],
+            "t_end": 4, "t": {"num": 3}, "outputs": ["x", "v", "a", "energy", "contacts", "force"],
         }
     ],
     "periodic-motions": [

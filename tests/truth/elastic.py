@@ -115,7 +115,7 @@ def check(case: Case, report: Report) -> None:
         time_history.State(np.array(document["x"]), np.array(document["v"])),
         document["t_end"],
         t=np.array(document["t"]),
-        outputs=frozenset({"x", "v", "energy", "force", "contacts"}),
+        outputs=frozenset({"x", "v", "a", "energy", "force", "contacts"}),
         load=load,
     )
     plan = time_history.plan(problem)
@@ -131,7 +131,9 @@ def check(case: Case, report: Report) -> None:
     except UndecidedError as error:
         report.count(f"undecided: {error}")
         return
-    histories.compare_states(case, result, History(states=motion.states), report)
+    histories.compare_states(
+        case, result, History(states=motion.states, rates=motion.rates), report
+    )
     _forces(result, motion, document, report)
     _contacts(result, motion, document["t_end"], report)
 

@@ -231,6 +231,9 @@ def case(rng: np.random.Generator) -> Case:
     return Case(name, document)
 
 
+OUTPUTS = "x", "v", "a", "impacts", "contacts", "energy"
+
+
 def problem_of(document: Document, **more: Any) -> time_history.Problem:
     """Return the solvers' problem."""
     load = (
@@ -242,7 +245,7 @@ def problem_of(document: Document, **more: Any) -> time_history.Problem:
         time_history.State(np.array(document["x"]), np.array(document["v"])),
         document["t_end"],
         t=np.array(document["t"]),
-        outputs=frozenset({"x", "v", "impacts", "contacts", "energy"}),
+        outputs=frozenset(OUTPUTS if more.get("digits") is None else {*OUTPUTS} - {"a"}),
         load=load,
         **more,
     )
@@ -341,6 +344,13 @@ def compare_states(
     known = min(known, len(motion.states))
     if known:
         _states(case, result, motion.states[:known], report, n)
+    if known and result.a is not None:
+        true_a = [[rate[n + i, 0] for i in range(n)] for rate in motion.rates[:known]]
+        largest = max(abs(a).upper() for row in true_a for a in row)
+        flat = [a + arb(0, largest * arb(_REFERENCE)) for row in true_a for a in row]
+        report.compare(
+            "a", np.ravel(result.a[:known]), flat, np.ravel(stated_error(result, "a")[:known])
+        )
 
 
 def _states(

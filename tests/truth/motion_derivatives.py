@@ -137,12 +137,13 @@ def _numbers(document: Document, motion: History) -> tuple[list[tuple[int, int]]
     n = len(document["M"])
     M, K = arb_mat(document["M"]), arb_mat(document["K"])
     numbers = list[Any]()
-    for z in motion.states:
+    for z, rate in zip(motion.states, motion.rates, strict=True):
         x, v = (arb_mat([[z[k + i, 0]] for i in range(n)]) for k in (0, n))
+        a = [rate[n + i, 0] for i in range(n)]
         energy = (v.transpose() * M * v)[0, 0] / 2 + (x.transpose() * K * x)[0, 0] / 2
         if document.get("force"):
             energy -= (arb_mat([document["force"]]) * x)[0, 0]
-        numbers += [*(x[i, 0] for i in range(n)), *(v[i, 0] for i in range(n)), energy]
+        numbers += [*(x[i, 0] for i in range(n)), *(v[i, 0] for i in range(n)), *a, energy]
     for impact in motion.impacts:
         numbers += [impact.time, impact.velocity, impact.impulse]
     return [(i.constraint, i.side) for i in motion.impacts], [number.mid() for number in numbers]
@@ -217,12 +218,13 @@ def compared(seed: int, most: int = 4) -> tuple[list[Compared], int]:
 def _each(seed: int, result: Any, place: int, path: str, best: Any, lacks: Any) -> list[Compared]:
     times, impacts = result.t.size, result.impact_time.size
     n = result.dof.size
-    samples, struck = np.split(best, [times * (2 * n + 1)])
+    samples, struck = np.split(best, [times * (3 * n + 1)])
     if struck.size != 3 * impacts:
         return []
-    samples, struck = samples.reshape(times, 2 * n + 1), struck.reshape(impacts, 3)
+    samples, struck = samples.reshape(times, 3 * n + 1), struck.reshape(impacts, 3)
     truths = {
-        "x": samples[:, :n], "v": samples[:, n : 2 * n], "energy": samples[:, 2 * n],
+        "x": samples[:, :n], "v": samples[:, n : 2 * n], "a": samples[:, 2 * n : 3 * n],
+        "energy": samples[:, 3 * n],
         "impact_time": struck[:, 0], "impact_velocity": struck[:, 1],
         "impact_impulse": struck[:, 2],
     }  # fmt: skip

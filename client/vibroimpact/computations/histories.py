@@ -73,11 +73,11 @@ class HistoryComputations(AnyComputation, Generic[History, Many, Slow]):
         t : int, array, (start, stop, num) or dict, optional
             Output times, or the number of equally spaced ones from 0 to `t_end`.
         outputs : sequence of str, optional
-            Quantities to compute: x, v, impacts, energy, contacts, force; default: contacts and
+            Quantities to compute: x, v, a, impacts, energy, contacts, force; default: contacts and
             impacts and, where `t` is given, x, v and energy; of stops with a stiffness, whose
             contacts are no impacts, contacts and their force.
         dofs : sequence of int, optional
-            Degrees of freedom of x and v; default: all.
+            Degrees of freedom of x, v and a; default: all.
         load : sequence of dict, optional
             Loads, from `harmonic`, `sampled`, `base_motion` and `base_vibration`.
         limiter : dict, optional

@@ -18,7 +18,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 
-_HISTORIES: Final = ("x", "v", "energy")
+_HISTORIES: Final = ("x", "v", "a", "energy")
 """Outputs of time histories at the output times."""
 
 
@@ -44,7 +44,7 @@ def problem(request: calibrations.CalibrationRequest, system: System) -> calibra
     root = request.root
     kind = calibration.named(root.kind)
     numbers = [_number(root.base, place, each.path) for place, each in enumerate(root.unknowns)]
-    outputs = set[str]()
+    outputs = set(kind.beside)
     for place, entry in enumerate(root.data):
         try:
             outputs.add(kind.output(entry.output))

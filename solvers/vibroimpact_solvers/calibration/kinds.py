@@ -1,7 +1,8 @@
 """The kinds of computation that can be calibrated, and the outputs that can be measured.
 
 To let a kind be calibrated, add a row to `KINDS`. Its measured outputs are those of its result
-that have derivatives; where the problem itself has none, they are differentiated by differences.
+that have derivatives, or that the row names; where the problem itself has none, they are
+differentiated by differences.
 """
 
 from __future__ import annotations
@@ -13,7 +14,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers import impact_modes, natural_frequencies, time_history
+from vibroimpact_solvers import (
+    impact_modes,
+    natural_frequencies,
+    periodic_motions,
+    time_history,
+)
 from vibroimpact_solvers.arrays import Field, Floats, declared
 from vibroimpact_solvers.errors import ModelError
 
@@ -39,6 +45,15 @@ class BaseKind:
         Outputs whose rows have a sign of their own, which measurements do not know.
     absent : mapping
         Output -> the output that it equals where it is absent.
+    requested : mapping
+        First part of the path of an output -> its name in requests, where that differs.
+    without_derivatives : frozenset of str
+        Paths of measured outputs that have no derivatives.
+    chosen : callable, optional
+        ``(result, computed, measured, sigma)`` -> the rows of an output that are measured, in
+        their order, and how many of them cannot have been. None: the measured ones come first.
+    beside : frozenset of str
+        Outputs that the choice needs.
     """
 
     solver: ModuleType
@@ -46,6 +61,10 @@ class BaseKind:
     leading: frozenset[str] = frozenset()
     signs: frozenset[str] = frozenset()
     absent: Mapping[str, str] = field(default_factory=dict)
+    requested: Mapping[str, str] = field(default_factory=dict)
+    without_derivatives: frozenset[str] = frozenset()
+    chosen: Callable[[Any, Floats, Floats, Floats], tuple[Places, int]] | None = None
+    beside: frozenset[str] = frozenset()
 
     def measured(self) -> dict[str, Field]:
         """Return the outputs that can be measured, by their paths with dots."""
@@ -54,7 +73,8 @@ class BaseKind:
         return {
             each.path.replace("/", "."): each
             for each in fields
-            if f"derivative/{each.path}" in paths and each.path != "harmonics"
+            if each.path in self.without_derivatives
+            or (f"derivative/{each.path}" in paths and each.path != "harmonics")
         }
 
     def rates(self, output: str) -> Field:
@@ -80,7 +100,7 @@ class BaseKind:
             message = f"outputs that can be measured are {', '.join(self.measured())}"
             raise ModelError(("output",), message, code="unknown_output")
         first = path.partition(".")[0].removesuffix("_lower")
-        return "impulse" if first == "momentum" else first
+        return self.requested.get(first, first)
 
     def check(self, output: str, values: Floats, rows: Places | None, base: Any) -> None:
         """Raise `ModelError` where measurements do not have the shape of an output.
@@ -102,6 +122,7 @@ class BaseKind:
         sizes = {**self.sizes(base), IMPACT: len(values) if values.ndim else 0}
         if rows is not None:
             sizes["time"] = rows.size
+        dims = tuple("frequency" if dim == "solution" else dim for dim in dims)
         wanted = tuple(sizes[dim] for dim in dims)
         fits = values.ndim == len(wanted) and values.shape[1:] == wanted[1:]
         exact = dims[0] not in self.leading
@@ -157,6 +178,34 @@ def _of_histories(problem: time_history.Problem) -> Mapping[str, int]:
     return {"time": problem.times.size, "dof": problem.output_dofs.size}
 
 
+def _of_periodic_motions(problem: periodic_motions.Problem) -> Mapping[str, int]:
+    return {"frequency": problem.Omega.size, "dof": problem.output_dofs.size}
+
+
+def _nearest_motions(
+    result: Any, computed: Floats, measured: Floats, sigma: Floats
+) -> tuple[Places, int]:
+    """Return the row of the stable, admissible motion at each frequency nearest to the record.
+
+    Where the model has none, the nearest of the others stands for it, so that searches may pass
+    such values; how many there are is returned, too.
+    """
+    stable = (result.solution_stability < 1.0) | result.solution_neutral
+    observable = result.solution_exists & stable
+    deviations = np.broadcast_to(sigma, measured.shape)
+    chosen, lacking = np.zeros(len(measured), dtype=np.int64), 0
+    for k, row in enumerate(measured):
+        if not np.isfinite(row).any():
+            continue  # whichever it is, it is not compared
+        here = result.solution_frequency_index == k
+        places = np.flatnonzero(observable & here)
+        if not places.size:
+            places, lacking = np.flatnonzero(here), lacking + 1
+        off = np.where(np.isfinite(row), (computed[places] - row) / deviations[k], 0.0)
+        chosen[k] = places[np.argmin((off * off).sum(axis=1))]
+    return chosen, lacking
+
+
 KINDS: Final[Mapping[str, BaseKind]] = {
     "natural-frequencies": BaseKind(
         natural_frequencies,
@@ -168,8 +217,17 @@ KINDS: Final[Mapping[str, BaseKind]] = {
         impact_modes,
         _of_impact_modes,
         absent={"impulse_lower": "impulse", "momentum_lower": "momentum"},
+        requested={"momentum": "impulse"},
     ),
     "time-history": BaseKind(time_history, _of_histories, leading=frozenset({IMPACT})),
+    "periodic-motions": BaseKind(
+        periodic_motions,
+        _of_periodic_motions,
+        requested={"solution": "extremes"},
+        without_derivatives=frozenset({"solution/x_max", "solution/x_min", "solution/rms"}),
+        chosen=_nearest_motions,
+        beside=frozenset({"exists", "stability"}),
+    ),
 }
 
 

@@ -51,6 +51,7 @@ class _Rows(NamedTuple):
     errors: Floats
     rates: Floats | None  # (measurement, unknown)
     rate_errors: Floats | None
+    lacking: int  # rows of motions that cannot have been measured
 
 
 @dataclass(eq=False, slots=True)
@@ -131,7 +132,7 @@ class Model:
         beyond = self._beyond(result, point.problem, weights)
         off, of_priors = self._priors(x)
         residuals = np.concatenate([(computed - self.measured) / sigma, beyond.residual, off])
-        unmatched = beyond.unmatched
+        unmatched = beyond.unmatched + sum(row.lacking for row in rows)
         if weights is None:
             return Evaluation(x, residuals, None, computed, errors, None, unmatched)
         of_data = _joined([row.rates for row in rows]) / sigma[:, np.newaxis]
@@ -167,6 +168,10 @@ class Model:
             rates = np.asarray(getattr(result, kind.rates(output).name)) * weights
             of_rates = getattr(result, kind.error(output, rates=True).name)
             parts += [rates, np.broadcast_to(of_rates, rates.shape) * np.abs(weights)]
+        lacking = 0
+        if kind.chosen is not None:
+            rows, lacking = kind.chosen(result, values, data.values, data.sigma)
+            parts = [part[rows] for part in parts]
         if data.rows is not None:
             parts = [part[data.rows] for part in parts]
         parts = [part[: len(data.values)] for part in parts]
@@ -179,7 +184,9 @@ class Model:
             parts = _turned(parts, data)
         dims, size = data.values.ndim, data.values.size
         flat = [part.reshape(size, *part.shape[dims:])[places] for part in parts]
-        return _Rows(*flat) if weights is not None else _Rows(flat[0], flat[1], None, None)
+        if weights is None:
+            return _Rows(flat[0], flat[1], None, None, lacking)
+        return _Rows(flat[0], flat[1], flat[2], flat[3], lacking)
 
     def _beyond(self, result: Any, base: Any, weights: Floats | None) -> _Beyond:
         """Return the residual of the impacts that the model has beyond those measured.

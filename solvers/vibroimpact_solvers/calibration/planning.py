@@ -83,6 +83,8 @@ def _own(skips: tuple[Skip, ...]) -> tuple[Skip, ...]:
 
 def _base(problem: Problem) -> tuple[Point, str | None]:
     """Return the base at the starts, and why it has no derivatives, None where it has."""
+    if problem.base_kind.without_derivatives:
+        return problem.at(problem.start, False), f"{problem.kind} have none"
     try:
         return problem.at(problem.start, True), None
     except ModelError as error:

@@ -192,7 +192,8 @@ def _cautions(
     if test.freedom < 1:
         yield "there are no more measurements than unknowns: nothing tests the model"
     if (count := best.fisher.at.unmatched) > 0:
-        yield f"model and record differ by {count} impact{'s' if count > 1 else ''}"
+        what = "impact" if problem.base_kind.chosen is None else "stable, admissible motion"
+        yield f"model and record differ by {count} {what}{'s' if count > 1 else ''}"
     if np.isinf(of_model).any():
         yield (
             "measurements lie beyond the time until which the motion is predictable: a shorter "

@@ -20,7 +20,8 @@ from vibroimpact_solvers.kernels.jit import fma, inline, inner, once, product
 SMALLEST, LARGEST = 1e-100, 1e100
 """Range of magnitudes whose squares double precision can represent."""
 SAMPLES: Final = 16
-"""States that are converted at a time, half of them where there are more modes than `MANY`."""
+"""States that are converted at a time, half of them where there are more modes than `MANY`, and
+two thirds of them where accelerations are asked for."""
 MANY: Final = 256
 _PRODUCT = 260_000  # multiplications up to which OpenBLAS starts no threads, which would spin
 
@@ -187,9 +188,8 @@ def energy_of(modal: Modal, coordinates: Floats) -> float:
 
 
 @inline
-def keep_coordinates(coordinates: Floats, block: Floats, sample: int, x: bool, v: bool) -> None:
-    """Copy what is asked for of a state's coordinates and rates to rows of a block."""
-    row = (int(x) + int(v)) * sample
+def keep_coordinates(coordinates: Floats, block: Floats, row: int, x: bool, v: bool) -> None:
+    """Copy what is asked for of a state's coordinates and rates to a block, from a row on."""
     for j in range(block.shape[1]):
         if x:
             block[row, j] = coordinates[Z1, j]
@@ -205,13 +205,15 @@ def _multiply(rows: Floats, shapes: Floats, out: Floats) -> None:
 
 @inner
 def displacements_of(
-    modal: Modal, block: Floats, sums: Floats, samples: int, x: Floats, v: Floats
+    modal: Modal, block: Floats, sums: Floats, samples: int, x: Floats, v: Floats, a: Floats
 ) -> None:
-    """Fill in displacements and velocities, (time, dof) or not asked for, of a block's samples.
+    """Fill in displacements, velocities and accelerations, (time, dof), of a block's samples.
 
-    The block has room for (2 `SAMPLES`, mode), the sums for (2 `SAMPLES` dof) of those asked for.
+    Those that are not asked for are empty. The block has room for (2 `SAMPLES`, mode), the sums for
+    (2 `SAMPLES` dof) of those asked for.
     """
-    each = (x.size > 0) + (v.size > 0)
+    moved = int(x.size > 0)
+    each = moved + (v.size > 0) + (a.size > 0)
     if each * samples == 0:
         return
     rows, dofs = each * samples, modal.base.size
@@ -225,4 +227,7 @@ def displacements_of(
                 if x.size > 0:
                     x[place, i] = modal.base[i] + out[each * place, i - first]
                 if v.size > 0:
-                    v[place, i] = modal.scale * out[each * place + each - 1, i - first]
+                    v[place, i] = modal.scale * out[each * place + moved, i - first]
+                if a.size > 0:
+                    bend = out[each * place + each - 1, i - first]
+                    a[place, i] = modal.scale * (modal.scale * bend)

@@ -6,8 +6,10 @@ of the motion with a source, and are
     dz(s) = P(s) dz(0) + int P(s - u) U (V z(u) + c) du ,
 
 P being the propagator, and U (V z + c) what the parameter changes in the equations: a sum of few
-products. Where all pairs are rotations, the integrals are divided differences of exponentials; else
-Gauss sums, over pieces of so few radians of the fastest pair that what they lack is below rounding.
+products. Where all pairs that a parameter names are rotations, the integrals are divided
+differences of exponentials; else, and over so short a time that few nodes cost less, Gauss sums,
+over pieces of so few radians of the fastest pair that what they lack is below rounding. Their nodes
+are symmetric: what remains of a piece after one node is the time to another one.
 An impact of the coordinate y = w z at the wall Y, by the impulse
 ``J = -f y'``, is later by
 
@@ -84,20 +86,24 @@ class Stops(NamedTuple):
 class Sources(NamedTuple):
     """Terms ``u (v z + constant)``, some times t, of the equations of the rates, a row for each.
 
-    v and u are lists of numbers, each with its place in a state of 2 pair numbers.
+    v is a list of pairs, each with the numbers of its two parts, u one of numbers, each with its
+    place in a state of 2 pair numbers.
     """
 
     of: Integers  # (parameter + 1,): its first row
     form_start: Integers  # (row + 1,)
-    form_place: Integers
-    form_value: Floats
+    form_place: Integers  # (form,): the pair
+    form_value: Floats  # (form, 2)
     direction_start: Integers
     direction_place: Integers
     direction_value: Floats
     constant: Floats  # (row,)
     by_time: NDArray[np.bool_]  # (row,): whether the whole row grows with time
     fastest: float  # rate of the fastest pair
-    rotations: bool  # whether all pairs that these rows name are rotations, and none drives another
+    # (parameter,): radians of the fastest pair from which on integrals are in closed form; infinite
+    # where a pair that its rows name is no rotation, or one drives another; the largest of all
+    closed_from: Floats
+    longest: float
 
 
 class Changes(NamedTuple):
@@ -135,7 +141,7 @@ class Room(NamedTuple):
     """Arrays that functions overwrite, the nodes of Gauss sums, and signs of roundings."""
 
     propagator: Floats  # (2, pair)
-    back: Floats  # (2, pair)
+    nodes: Floats  # (node, 2, pair): propagators to the nodes of a Gauss sum
     node: Floats  # (2, pair)
     pushed: Floats  # (2, pair)
     moved: Floats  # (2, pair)
@@ -147,18 +153,16 @@ class Room(NamedTuple):
 
 @inner
 def _add_source(sources: Sources, row: int, t: float, z: Floats, out: Floats) -> None:
-    """Add the term of one row at a state."""
-    pairs, total = z.shape[1], sources.constant[row]
+    """Add the term of one row at a state; both are flat, (2 pair,)."""
+    pairs, total = z.size // 2, sources.constant[row]
     for k in range(sources.form_start[row], sources.form_start[row + 1]):
-        at = sources.form_place[k]
-        half = Z2 if at >= pairs else Z1
-        total += sources.form_value[k] * z[half, at - half * pairs]
+        pair = sources.form_place[k]
+        total += sources.form_value[k, Z1] * z[pair]
+        total += sources.form_value[k, Z2] * z[pairs + pair]
     if sources.by_time[row]:
         total *= t
     for k in range(sources.direction_start[row], sources.direction_start[row + 1]):
-        at = sources.direction_place[k]
-        half = Z2 if at >= pairs else Z1
-        out[half, at - half * pairs] += sources.direction_value[k] * total
+        out[sources.direction_place[k]] += sources.direction_value[k] * total
 
 
 @inner
@@ -187,7 +191,7 @@ def _differences(
         turned = (sign * flow.nu[k] - flow.nu[i]) + (sign * flow.rest[k] - flow.rest[i])
         apart = complex(flow.alpha[k] - flow.alpha[i], turned)
     y = apart * s
-    if abs(y) <= _SMALL:
+    if y.real * y.real + y.imag * y.imag <= _SMALL * _SMALL:
         first, second = _quotient(y)
         return s * end * first, s * s * end * second
     over = apart.conjugate() * (1.0 / (apart.real * apart.real + apart.imag * apart.imag))
@@ -211,12 +215,9 @@ def _integrate_row(
             total += sources.constant[row] * first
             grown += sources.constant[row] * second
         for f in range(sources.form_start[row], sources.form_start[row + 1]):
-            at = sources.form_place[f]
-            side = Z2 if at >= pairs else Z1
-            k = at - side * pairs
-            w = complex(z[Z1, k], -z[Z2, k]) * (0.5 * sources.form_value[f])
-            if side == Z2:
-                w *= 1.0j
+            k = sources.form_place[f]
+            form = complex(sources.form_value[f, Z1], sources.form_value[f, Z2])
+            w = complex(z[Z1, k], -z[Z2, k]) * (0.5 * form)
             first, second = _differences(flow, room.propagator, i, k, False, s)
             total += w * first
             grown += w * second
@@ -233,8 +234,11 @@ def _integrate_row(
 
 @inner
 def _integrate_exactly(flow: Flow, sources: Sources, state: State, room: Room, s: float) -> None:
-    """Set the sums to the integrals of the sources, of which the propagator is that of s."""
+    """Set the sums to the integrals in closed form, for which the propagator is that of s."""
+    turned = s * sources.fastest
     for p in range(room.sums.shape[0]):
+        if not sources.closed_from[p] <= turned or sources.of[p] == sources.of[p + 1]:
+            continue
         for j in range(room.pushed.shape[1]):
             room.pushed[Z1, j] = room.pushed[Z2, j] = 0.0
         for row in range(sources.of[p], sources.of[p + 1]):
@@ -247,24 +251,25 @@ def _integrate_exactly(flow: Flow, sources: Sources, state: State, room: Room, s
 def _integrate(
     flow: Flow, sources: Sources, state: State, room: Room, nodes: Floats, s: float
 ) -> None:
-    """Set the sums to the integrals of the sources over a piece of duration s."""
-    t, z = state.progress[0].time, state.z[_MOTION]
+    """Set the sums to the integrals of sources without a closed form over a piece of duration s."""
+    t, z, count = state.progress[0].time, state.z[_MOTION], nodes.shape[1]
+    turned, node, pushed = s * sources.fastest, room.node.reshape(-1), room.pushed.reshape(-1)
     for p in range(room.sums.shape[0]):
-        for j in range(z.shape[1]):
+        for j in range(z.shape[1] if sources.closed_from[p] > turned else 0):
             room.sums[p, Z1, j] = room.sums[p, Z2, j] = 0.0
-    for i in range(nodes.shape[1]):
+    for i in range(count):
+        set_propagator(flow, s * nodes[_PLACES, i], 0.0, room.nodes[i])
+    for i in range(count):
         u, weight = s * nodes[_PLACES, i], s * nodes[_WEIGHTS, i]
-        set_propagator(flow, u, 0.0, room.propagator)
-        propagate_state(flow, room.propagator, u, z, room.node)
-        set_propagator(flow, s - u, 0.0, room.back)
+        remains, back = s * nodes[_PLACES, count - 1 - i], room.nodes[count - 1 - i]
+        propagate_state(flow, room.nodes[i], u, z, room.node)
         for p in range(room.sums.shape[0]):
-            if sources.of[p] == sources.of[p + 1]:
+            if sources.closed_from[p] <= turned or sources.of[p] == sources.of[p + 1]:
                 continue
-            for j in range(z.shape[1]):
-                room.pushed[Z1, j] = room.pushed[Z2, j] = 0.0
+            pushed[:] = 0.0
             for row in range(sources.of[p], sources.of[p + 1]):
-                _add_source(sources, row, t + u, room.node, room.pushed)
-            propagate(flow, room.back, s - u, room.pushed, room.moved)
+                _add_source(sources, row, t + u, node, pushed)
+            propagate(flow, back, remains, room.pushed, room.moved)
             for j in range(z.shape[1]):
                 room.sums[p, Z1, j] += weight * room.moved[Z1, j]
                 room.sums[p, Z2, j] += weight * room.moved[Z2, j]
@@ -274,11 +279,12 @@ def _integrate(
 def _advance(flow: Flow, sources: Sources, state: State, room: Room, s: float) -> None:
     """Advance the motion and its rates by a piece of duration s, but not the time."""
     z = state.z
-    if sources.constant.size > 0 and not sources.rotations:
-        nodes = room.few if s * sources.fastest <= SHORT else room.many
+    turned = s * sources.fastest
+    if sources.longest > turned:
+        nodes = room.few if turned <= SHORT else room.many
         _integrate(flow, sources, state, room, nodes, s)
     set_propagator(flow, s, 0.0, room.propagator)
-    if sources.constant.size > 0 and sources.rotations:
+    if sources.constant.size > 0:
         _integrate_exactly(flow, sources, state, room, s)
     propagate_state(flow, room.propagator, s, z[_MOTION], room.moved)
     for j in range(z.shape[2]):
@@ -295,7 +301,7 @@ def _advance(flow: Flow, sources: Sources, state: State, room: Room, s: float) -
 def _move(flow: Flow, sources: Sources, state: State, room: Room, s: float, noise: float) -> None:
     """Advance the motion, its rates and the time by a free motion of duration s."""
     now, z, pieces = state.progress[0], state.z, 1
-    if sources.constant.size > 0 and not sources.rotations:
+    if sources.longest == math.inf:
         pieces = max(1, math.ceil(s * sources.fastest / PIECE))
     for _ in range(pieces):
         part = s / pieces

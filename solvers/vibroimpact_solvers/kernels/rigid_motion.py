@@ -42,6 +42,7 @@ from vibroimpact_solvers.kernels.flow import (
     propagate_state,
     set_changes,
     set_propagator,
+    set_rate,
     two_sum,
 )
 from vibroimpact_solvers.kernels.impact_law import BOUNCES, RESTS, graze, room_at, strike
@@ -130,21 +131,28 @@ def _take_samples(
         coordinates_of(modal, scratch.z, scratch.rate)
         if energy.size > 0:
             energy[now.samples] = energy_of(modal, scratch.rate)
-        place, x, v = now.samples - now.written, history.x.size > 0, history.v.size > 0
-        keep_coordinates(scratch.rate, scratch.block, place, x, v)
+        x, v, a = history.x.size > 0, history.v.size > 0, history.a.size > 0
+        row = (int(x) + int(v) + int(a)) * (now.samples - now.written)
+        keep_coordinates(scratch.rate, scratch.block, row, x, v)
+        if a:
+            # The rate of a state has the velocities as coordinates, and accelerations as rates.
+            set_rate(flow, scratch.z, scratch.propagator)
+            coordinates_of(modal, scratch.propagator, scratch.rate)
+            keep_coordinates(scratch.rate, scratch.block, row + int(x) + int(v), False, True)
         now.samples += 1
-        if 2 * (now.samples - now.written) == scratch.block.shape[0]:
+        taken = now.samples - now.written
+        if (3 * (taken + 1) if a else 2 * (taken + 1)) > scratch.block.shape[0]:
             _write_history(motion, scratch, modal, history)
     return True
 
 
 @inner
 def _write_history(motion: Motion, scratch: Scratch, modal: Modal, history: History) -> None:
-    """Write the displacements and velocities of the samples taken since the last time."""
+    """Write displacements and their derivatives, of the samples taken since the last time."""
     now = motion.progress[0]
     x, v = history.x[now.written : now.samples], history.v[now.written : now.samples]
-    count = now.samples - now.written
-    displacements_of(modal, scratch.block, scratch.sums, count, x, v)
+    a, count = history.a[now.written : now.samples], now.samples - now.written
+    displacements_of(modal, scratch.block, scratch.sums, count, x, v, a)
     now.written = now.samples
 
 
@@ -363,12 +371,14 @@ def follow(
     z, deviations, progress, impacts, output_times = motion
     named, conversion = structure_of(structure), modal_of(modal)
     scratch = scratch_of(work, z.shape[1], conversion.place.size)
-    xs, vs, energies, lengths = history
+    xs, vs, accelerations, energies, lengths = history
     place, rows, piece = 0, progress[0].rows, scratch.piece[0]
     begin_piece(named, deviations.shape[0], conversion, scratch.piece)
     while True:
         current = Motion(z, deviations, progress[place : place + 1], impacts, output_times)
-        written = History(xs[place], vs[place], energies[place], lengths[place])
+        written = History(
+            xs[place], vs[place], accelerations[place], energies[place], lengths[place]
+        )
         now = progress[place]
         now.rows, begins = rows, piece.stage == ANEW
         if begins:

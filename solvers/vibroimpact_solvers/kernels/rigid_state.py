@@ -199,6 +199,7 @@ class History(NamedTuple):
 
     x: Floats  # (time, dof)
     v: Floats  # (time, dof)
+    a: Floats  # (time, dof)
     energy: Floats  # (time,)
     error: Floats  # (time,): estimated lengths of the errors of states, in units of 2^-52
 

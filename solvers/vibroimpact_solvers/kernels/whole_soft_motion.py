@@ -73,10 +73,11 @@ def whole_soft_motion(
     first = progress.written
     for place in range(first, last):
         coordinates_of(modal, samples[place], rate)
-        keep_coordinates(rate, block, place - first, True, True)
+        keep_coordinates(rate, block, 2 * (place - first), True, True)
         if place + 1 - first == SAMPLES or place + 1 == last:
             some = slice(first, place + 1)
-            displacements_of(modal, block, sums, place + 1 - first, xs[some], vs[some])
+            count = place + 1 - first
+            displacements_of(modal, block, sums, count, xs[some], vs[some], xs[:0])
             first = place + 1
     progress.written = last
     return _END if last == xs.shape[0] else _BUDGET

@@ -217,8 +217,8 @@ class Result:
         int,
         Quantity(
             (), "1",
-            "impacts that the model has and the data has not, or the other way round, at the best "
-            "fit",
+            "impacts that the model has and the data has not, or the other way round, or "
+            "frequencies at which the model has no stable motion, at the best fit",
             path="count/unmatched",
         ),
     ]  # fmt: skip

@@ -52,6 +52,7 @@ class Result:
     dof: Annotated[Integers | None, _MOTION["dof"]]
     x: Annotated[Floats | None, _each("x")]
     v: Annotated[Floats | None, _each("v")]
+    a: Annotated[Floats | None, _each("a")]
     energy: Annotated[Floats | None, _each("energy")]
     force: Annotated[Floats | None, _each("force")]
     impact_count: Annotated[
@@ -89,6 +90,7 @@ class Result:
     count_expansions: Annotated[Integers, _each("count_expansions", missing="")]
     error_x: Annotated[Floats | None, _each("error_x", _BEYOND)]
     error_v: Annotated[Floats | None, _each("error_v", _BEYOND)]
+    error_a: Annotated[Floats | None, _each("error_a", _BEYOND)]
     error_energy: Annotated[Floats | None, _each("error_energy", _BEYOND)]
     error_force: Annotated[Floats | None, _each("error_force", _BEYOND)]
     error_impact_time: Annotated[Floats | None, _MOTION["error_impact_time"]]

@@ -11,6 +11,7 @@ ONE: Final = "one"
 TIME: Final = Quantity(("time",), "time", "time", True)
 X: Final = Quantity(("time", "dof"), "length", "displacement")
 V: Final = Quantity(("time", "dof"), "length time-1", "velocity")
+A: Final = Quantity(("time", "dof"), "length time-2", "acceleration")
 EXISTS: Final = ("phantom", "real")
 """In files, whether a solution is admissible."""
 WITHIN: Final = ("beyond", "within")

@@ -10,6 +10,7 @@ from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity
 from vibroimpact_solvers.results.shared import (
     DERIVATIVES,
     TIME,
+    A,
     Dofs,
     Neglected,
     Parameters,
@@ -97,6 +98,9 @@ class Result:
     dof: Dofs
     x: Annotated[Floats | None, replace(X, error="error/x")]
     v: Annotated[Floats | None, replace(V, error="error/v")]
+    a: Annotated[
+        Floats | None, replace(A, error="error/a", note="between impacts, without their impulses")
+    ]
     energy: Annotated[
         Floats | None,
         Quantity(
@@ -267,6 +271,9 @@ class Result:
     error_v: Annotated[
         Floats | None, _error("v", ("time", "dof"), "length time-1", "velocity", _BEYOND)
     ]
+    error_a: Annotated[
+        Floats | None, _error("a", ("time", "dof"), "length time-2", "acceleration", _BEYOND)
+    ]
     error_energy: Annotated[
         Floats | None, _error("energy", ("time",), "mass length2 time-2", "energy", _BEYOND)
     ]
@@ -426,6 +433,12 @@ class Result:
     ] = None
     derivative_v_error: Annotated[
         Floats | None, derivative_error(("time", "dof"), "length time-1", "velocity", "v")
+    ] = None
+    derivative_a: Annotated[
+        Floats | None, derivative(("time", "dof"), "length time-2", "acceleration", "a")
+    ] = None
+    derivative_a_error: Annotated[
+        Floats | None, derivative_error(("time", "dof"), "length time-2", "acceleration", "a")
     ] = None
     derivative_energy: Annotated[
         Floats | None, derivative(("time",), _ENERGY, "energy", "energy")

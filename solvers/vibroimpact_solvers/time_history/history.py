@@ -1,4 +1,4 @@
-"""Histories: displacements, velocities and energies at the output times."""
+"""Histories: displacements, velocities, accelerations and energies at the output times."""
 
 from __future__ import annotations
 
@@ -7,41 +7,39 @@ from typing import Any
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.problem import MOVED, STATES, Problem
 from vibroimpact_solvers.time_history.soft_laws import SoftLaws
 from vibroimpact_solvers.time_history.structure import Structure
 
-History = tuple[Floats, Floats, Floats, Floats]
-"""Displacements and velocities (motion, time, dof), energies and lengths of the errors of the
-states (motion, time), as `kernels.rigid_motion.follow` fills them in; empty where not requested."""
+History = tuple[Floats, Floats, Floats, Floats, Floats]
+"""Displacements, velocities and accelerations (motion, time, dof), energies and lengths of the
+errors of the states (motion, time), as `kernels.rigid_motion.follow` fills them in; empty where not
+requested."""
 
 
 def new_history(problem: Problem, motions: int) -> History:
     """Return the arrays of the history of some motions."""
     times, outputs = problem.times.size, problem.outputs
     whole = motions, times, problem.output_dofs.size
-    x, v = (np.empty(whole if name in outputs else (motions, 0, 0)) for name in ("x", "v"))
-    stated = problem.estimate and outputs & {"x", "v", "energy"}
+    x, v, a = (np.empty(whole if name in outputs else (motions, 0, 0)) for name in MOVED)
+    stated = problem.estimate and outputs & STATES
     energy, error = (
         np.empty((motions, times if wanted else 0)) for wanted in ("energy" in outputs, stated)
     )
-    return x, v, energy, error
+    return x, v, a, energy, error
 
 
 def some_of(history: History, motions: slice | Integers) -> History:
     """Return the history of some of the motions."""
-    x, v, energy, error = history
-    return x[motions], v[motions], energy[motions], error[motions]
+    x, v, a, energy, error = history
+    return x[motions], v[motions], a[motions], energy[motions], error[motions]
 
 
 def requested(problem: Problem, history: History) -> dict[str, Any]:
     """Return the fields of the result, of all motions, with the drift of their energies."""
-    x, v, energy, _ = history
-    outputs, values = problem.outputs, dict[str, Any]()
-    if "x" in outputs:
-        values["x"] = x
-    if "v" in outputs:
-        values["v"] = v
+    *moved, energy, _ = history
+    outputs = problem.outputs
+    values = {name: part for name, part in zip(MOVED, moved, strict=True) if name in outputs}
     if "energy" in outputs:
         values["energy"] = energy
         if conserves(problem):
@@ -62,7 +60,8 @@ def requested_of_one(
             energy += laws.potential(x @ structure.W.T)
     if x.shape[1] == system.n:
         x, v = x[:, dofs], v[:, dofs]
-    history = x[np.newaxis], v[np.newaxis], energy[np.newaxis], np.empty((1, 0))
+    none = np.empty((1, 0))
+    history = x[np.newaxis], v[np.newaxis], none, energy[np.newaxis], none
     values = requested(problem, history)
     return {name: value[0] for name, value in values.items()}
 

@@ -14,7 +14,7 @@ from vibroimpact_solvers.arrays import Floats, Integers, along, declared
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.history import conserves
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.problem import MOVED, STATES, Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,11 @@ class Part:
 
     x: Floats | None
     v: Floats | None
+    a: Floats | None
     energy: Floats | None
     error_x: Floats | None
     error_v: Floats | None
+    error_a: Floats | None
     error_energy: Floats | None
     error_impact_time: Floats | None
     error_impact_velocity: Floats | None
@@ -166,7 +168,7 @@ class Assembly:
     def labels(self) -> dict[str, Any]:
         """Return the coordinates of the result."""
         outputs = self._problem.outputs
-        timed, placed = outputs & {"x", "v", "energy"}, outputs & {"x", "v"}
+        timed, placed = outputs & STATES, outputs & {*MOVED}
         return {
             "t": self._problem.times if timed else None,
             "dof": self._problem.output_dofs if placed else None,

@@ -28,8 +28,10 @@ from vibroimpact_solvers.time_history.loads import (
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
+    MOVED,
     OUTPUTS,
     SAMPLED,
+    STATES,
     ImpactMode,
     Problem,
     State,
@@ -97,9 +99,10 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
     if problem.outputs & SAMPLED:
         times, dofs = problem.times.size, problem.output_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
-        flops = times * system.n * (40.0 + 4.0 * dofs)
-        # Displacements and velocities; times and energies; as many errors.
-        size = 32.0 * times * (dofs + 1.0)
+        moved = float(max(2, len(problem.outputs & {*MOVED})))
+        flops = times * system.n * (40.0 + 2.0 * moved * dofs)
+        # Displacements and their derivatives; times and energies; as many errors.
+        size = 16.0 * times * (moved * dofs + 2.0)
         history = Step(Stage.HISTORY, "modal sum", reason, flops, size)
     yield _motion_step(problem, len(system.constraints) - len(far), history)
     if history is not None:
@@ -424,6 +427,6 @@ def _listed(
         skips.append(Skip("the search after the last possible impact", why))
     if gives_back:
         skips.append(Skip("restitution", "soft limiters give back what they take"))
-    if not outputs & {"x", "v", "energy"}:
+    if not outputs & STATES:
         skips.append(Skip("history", "impacts and contacts need no state between them"))
     return (*skips, *(Skip(name, "not requested") for name in OUTPUTS if name not in outputs))

@@ -34,8 +34,13 @@ TOLERANCE: Final = 1e-6
 _FOLLOWS: Final = 1e-9
 """Part of the largest entry by which a state may miss the static relation."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
-"""Outputs of all motions; those of stops of finite stiffness have the force, too."""
-SAMPLED: Final = frozenset({"x", "v", "energy", "force"})
+"""Outputs of all motions; rigid and linear stops have accelerations, too, and stops of finite
+stiffness the force."""
+MOVED: Final = ("x", "v", "a")
+"""Outputs of each degree of freedom: displacements, velocities and accelerations."""
+STATES: Final = frozenset({*MOVED, "energy"})
+"""Outputs of the states at the output times."""
+SAMPLED: Final = STATES | {"force"}
 """Outputs at the output times."""
 
 
@@ -82,7 +87,7 @@ class Problem:
     dofs : array of int, optional
         Degrees of freedom of the history; None for all.
     outputs : frozenset of str
-        Names of outputs, out of `OUTPUTS` and ``"force"``.
+        Names of outputs, out of `OUTPUTS`, ``"a"`` and ``"force"``.
     tolerance : float, optional
         Required accuracy, relative to the size of the motion; None: 1e-6.
     load : tuple of Harmonic or Sampled
@@ -131,6 +136,7 @@ class Problem:
         self._check_limiter()
         self._check_laws()
         self._check_digits()
+        self._check_accelerations()
         self.check(self.initial)
         if self.parameters:
             self._check_parameters()
@@ -162,7 +168,7 @@ class Problem:
             raise ModelError(("t",), message, code="out_of_range")
 
     def _check_outputs(self) -> None:
-        check_outputs(self.outputs, (*OUTPUTS, "force"))
+        check_outputs(self.outputs, (*OUTPUTS, "a", "force"))
         if self.outputs & SAMPLED and self.times.size == 0:
             raise ModelError(("t",), "a history needs the times t", code="missing_t")
         if self.tolerance is not None and not 1e-15 <= self.tolerance < 1.0:
@@ -332,6 +338,19 @@ class Problem:
             reason = "they are used where the errors say so, which are not estimated"
         if reason is not None:
             raise ModelError(("digits",), reason, code="not_possible")
+
+    def _check_accelerations(self) -> None:
+        if "a" not in self.outputs:
+            return
+        reason = None
+        if self.limiter is not None or self.powered:
+            reason = "there are no accelerations with limiters that Taylor series follow"
+        elif self.method != EXACT:
+            reason = "integrators give no accelerations"
+        elif self.digits is not None:
+            reason = "accelerations are computed in double precision only"
+        if reason is not None:
+            raise ModelError(("outputs",), reason, code="not_possible")
 
     def _check_parameters(self) -> None:
         check_parameters(self.parameters, self.system)

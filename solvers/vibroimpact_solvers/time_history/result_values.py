@@ -15,7 +15,7 @@ from vibroimpact_solvers.kernels.rigid_state import PROGRESS, Rows
 from vibroimpact_solvers.results.time_history import OF_STOPS, Result
 from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import History, requested
-from vibroimpact_solvers.time_history.problem import SAMPLED, Problem, tolerance_of
+from vibroimpact_solvers.time_history.problem import MOVED, SAMPLED, Problem, tolerance_of
 from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
 from vibroimpact_solvers.time_history.stated_errors import OF_IMPACTS, StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
@@ -38,7 +38,7 @@ def default_values(problem: Problem) -> dict[str, Any]:
     values, outputs = _NOTHING.copy(), problem.outputs
     if outputs & SAMPLED:
         values["t"] = problem.times
-    if outputs & {"x", "v"}:
+    if outputs & {*MOVED}:
         values["dof"] = problem.output_dofs
     for table in outputs & {"impacts", "contacts"}:
         values.update(_TABLES[table])

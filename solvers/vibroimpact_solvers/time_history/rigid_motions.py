@@ -170,8 +170,9 @@ class RigidMotions:
         if initial is not problem.initial:
             problem = replace(problem, initial=initial)
         for name, value in derived(
-            problem, self._structure, impacts, errors, contact, until, int(progress["grazings"])
-        ).items():
+            problem, self._structure, impacts, errors, contact, until, int(progress["grazings"]),
+            self._every.reach(self._structure.configuration()),
+        ).items():  # fmt: skip
             setattr(result, name, value)
 
     def solve_some(self, x: Floats, v: Floats, start: int, stop: int, tick: Tick) -> Piece:

@@ -13,7 +13,7 @@ root is not real the impact may be missing: its time is not known, and its speed
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from functools import cached_property
 from typing import Any, Final
@@ -24,12 +24,12 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels.output_errors import impact_errors, state_errors
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.time_history.basis import Basis
-from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
+from vibroimpact_solvers.time_history.problem import STATES, Problem, tolerance_of
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _NUMBERS: Final = 2**15  # of forms at a time: more would leave the cache of a core
 _KEPT: Final = 8  # reaches of a configuration, for as many choices of degrees of freedom
-_SUMMED: Final = 8.0  # roundings of the terms of the energy
+_SUMMED: Final = 8.0  # roundings of the terms of the energy and of constant accelerations
 LEAST: Final = 1e-300  # reach of what does not move, so that unknown errors stay unknown
 OF_IMPACTS: Final = tuple(f"error_impact_{name}" for name in ("time", "velocity", "impulse"))
 
@@ -57,10 +57,12 @@ class Reach:
     @cached_property
     def history(self) -> Floats:
         """Of displacements and velocities, shape (2, dof)."""
-        shapes = self._basis.modes.shapes
-        rows = max(1, _NUMBERS // max(1, shapes.shape[1]))
-        reach = [self._of(shapes[self._dofs[some]]) for some in _parts(self._dofs.size, rows)]
-        return np.concatenate(reach, axis=1) if reach else np.zeros((2, 0))
+        return self._in_parts(self._of, 2)
+
+    @cached_property
+    def bend(self) -> Floats:
+        """Of accelerations, and the sizes of their constant parts, shape (2, dof)."""
+        return self._in_parts(self._bend_of, 2)
 
     @cached_property
     def base(self) -> Floats:
@@ -70,9 +72,7 @@ class Reach:
     @cached_property
     def coordinates(self) -> Floats:
         """Of the constrained coordinates, their velocities and accelerations, (3, constraint)."""
-        by_rate = self._basis.rates_of(self._basis.velocity(self._rows))
-        bend = self._scale**2 * lengths(self._basis, by_rate)
-        return np.concatenate([self._of(self._rows), bend[np.newaxis]])
+        return np.concatenate([self._of(self._rows), self._bend_of(self._rows)[:1]])
 
     @cached_property
     def fastest(self) -> float:
@@ -119,6 +119,20 @@ class Reach:
         linear = lengths(basis, basis.displacement(modes.load[np.newaxis]))
         return np.array([scale**2 * largest, linear[0], abs(self._level)])
 
+    def _in_parts(self, of: Callable[[Floats], Floats], count: int) -> Floats:
+        """Return what a function makes of the rows of the dofs, some at a time, (count, dof)."""
+        shapes = self._basis.modes.shapes
+        rows = max(1, _NUMBERS // max(1, shapes.shape[1]))
+        parts = [of(shapes[self._dofs[some]]) for some in _parts(self._dofs.size, rows)]
+        return np.concatenate(parts, axis=1) if parts else np.zeros((count, 0))
+
+    def _bend_of(self, rows: Floats) -> Floats:
+        """Return the reaches of ``rows . q''``, and the sizes of its constants, (2, row)."""
+        basis, square = self._basis, self._scale**2
+        velocity = basis.velocity(rows)
+        pushed = np.abs(velocity[:, 1]) @ np.abs(basis.push)
+        return square * np.stack([lengths(basis, basis.rates_of(velocity)), pushed])
+
     def _of(self, rows: Floats) -> Floats:
         """Return the reaches of ``rows . q`` and of its velocity, shape (2, row)."""
         basis = self._basis
@@ -157,7 +171,7 @@ class StatedErrors:
         return reach
 
     def history(self, lengths: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
-        """Return the errors of x, v and the energy, of motions, shape (motion, time, …).
+        """Return the errors of x, v, a and the energy, of motions, shape (motion, time, …).
 
         Parameters
         ----------
@@ -168,7 +182,7 @@ class StatedErrors:
         """
         outputs, times = self._problem.outputs, self._problem.times
         values = dict[str, Any]()
-        if not outputs & {"x", "v", "energy"}:
+        if not outputs & STATES:
             return values
         state = np.empty(lengths.shape)
         ends = np.ascontiguousarray(largest), np.ascontiguousarray(until)
@@ -180,6 +194,10 @@ class StatedErrors:
                     values[f"error_{name}"] = state[..., np.newaxis] * reach
         if "x" in outputs:
             values["error_x"] += self._largest("base")
+        if "a" in outputs:
+            reach, constant = self._largest("bend")
+            values["error_a"] = state[..., np.newaxis] * np.maximum(reach, LEAST)
+            values["error_a"] += _SUMMED * EPS * constant
         if "energy" in outputs:
             square, linear, level = self._largest("energy").tolist()
             largest = largest[:, np.newaxis]

@@ -48,7 +48,7 @@ def in_windows(
 @pytest.mark.parametrize("count", [2, 7, 60, 400])
 def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Contacts last over many windows when these are short, and their table is the same."""
-    problem = sticky()
+    problem = sticky(ALL | {"a"})
     plan, windows = in_windows(monkeypatch, problem, count)
     assert count <= len(windows) <= count + 1
     step = plan.step(Stage.FREE_MOTION)

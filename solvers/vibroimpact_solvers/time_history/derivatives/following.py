@@ -8,6 +8,7 @@ differences, divided by that number of roundings, are errors of the rates.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -104,14 +105,17 @@ class Following:
         changes = of_parameters.changes(structure, parameters, self.terms)
         self._count, self._impacts = len(parameters), impacts
         plain = basis.flow, stops, sources, changes
+        sizes = _sizes(structure, z)  # before the state goes on
         self.motions = [self._followed(plain, z, 0.0)]
         for column in range(SAMPLES):
             shaken = _Shaken(structure, column)
-            self.motions.append(self._followed(shaken.arguments(plain), shaken.start(z), SHAKEN))
+            start = shaken.start(z, sizes)
+            self.motions.append(self._followed(shaken.arguments(plain), start, SHAKEN))
         shape = 2, basis.pairs
         self._room = kernel.Room(
-            np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape),
-            np.empty((self._count, *shape)), _gauss(kernel.FEW), _gauss(kernel.MANY), basis.signs,
+            np.empty(shape), np.empty((kernel.MANY, *shape)), np.empty(shape), np.empty(shape),
+            np.empty(shape), np.empty((self._count, *shape)), _gauss(kernel.FEW),
+            _gauss(kernel.MANY), basis.signs,
         )  # fmt: skip
 
     def _followed(self, arguments: tuple[Any, ...], z: Floats, noise: float) -> Followed:
@@ -150,20 +154,51 @@ class Following:
 def _gauss(count: int) -> Floats:
     """Return places in [0, 1] and weights of a Gauss sum, shape (2, node)."""
     places, weights = np.polynomial.legendre.leggauss(count)
-    return np.stack([0.5 * (1.0 + places), 0.5 * weights])
+    symmetric = 0.5 * (places - places[::-1])
+    return np.stack([0.5 * (1.0 + symmetric), 0.5 * weights])
+
+
+@lru_cache(maxsize=16)
+def _drawn(column: int, count: int) -> Floats:
+    """Return roundings of random sign, shape (count,); longer ones begin alike."""
+    signs = np.random.default_rng(column).integers(0, 2, count, dtype=np.int64)
+    drawn = (2.0 * signs - 1.0) * (SHAKEN * EPS)
+    drawn.setflags(write=False)
+    return np.asarray(drawn)
+
+
+def _sizes(structure: Structure, z: Floats) -> Floats:
+    """Return what a state and its rates at t = 0 are rounded relative to: their lengths."""
+    basis = structure.configuration().basis
+    own = basis.own
+    carried = basis.whole(z, level=0.0) - own * z
+    if len(basis.carried):
+        carried[0] += basis.carried[0]
+    squares = np.stack([basis.measure * own * z**2, basis.measure * carried**2])
+    lengths = np.sqrt(squares.sum(axis=(2, 3))).sum(axis=0)
+    each = 2.0 * lengths / np.sqrt(max(1.0, own.sum()))
+    grain = np.stack([basis.grain, np.ones(basis.pairs)])
+    known = np.maximum(basis.doubts[0], 1.0) * np.hypot(z[:, :1], z[:, 1:])
+    return np.asarray(each[:, np.newaxis, np.newaxis] * own * grain + (1.0 - own) * known)
 
 
 class _Shaken:
     """Numbers of a motion off by roundings of random sign."""
 
     def __init__(self, structure: Structure, column: int) -> None:
-        self._structure, self._column = structure, column
-        self._rng = np.random.default_rng(column)
+        self._structure, self._column, self._drawn = structure, column, 0
 
     def _signs(self, shape: tuple[int, ...]) -> Floats:
-        return np.asarray((2.0 * self._rng.integers(0, 2, shape) - 1.0) * (SHAKEN * EPS))
+        """Return roundings of random sign; they go on from those that were taken last."""
+        size = math.prod(shape)
+        first, last = self._drawn, self._drawn + size
+        signs = _drawn(self._column, 1 << max(10, last.bit_length()))
+        self._drawn = last
+        return signs[first:last].reshape(shape)
 
     def _off(self, values: Floats, by: float = 1.0) -> Floats:
+        if not values.size:
+            return values
         return np.asarray(values * (1.0 + by * self._signs(values.shape)))
 
     def arguments(
@@ -197,19 +232,10 @@ class _Shaken:
         )  # fmt: skip
         return flow, stops, sources, changes
 
-    def start(self, z: Floats) -> Floats:
-        """Return the state and its rates at t = 0, known to roundings of their lengths."""
+    def start(self, z: Floats, sizes: Floats) -> Floats:
+        """Return the state and its rates at t = 0, off by roundings of these sizes."""
         basis = self._structure.configuration().basis
         own, still = basis.own, basis.doubts[1]
-        carried = basis.whole(z, level=0.0) - own * z
-        if len(basis.carried):
-            carried[0] += basis.carried[0]
-        squares = np.stack([basis.measure * own * z**2, basis.measure * carried**2])
-        lengths = np.sqrt(squares.sum(axis=(2, 3))).sum(axis=0)
-        each = 2.0 * lengths / np.sqrt(max(1.0, own.sum()))
-        grain = np.stack([basis.grain, np.ones(basis.pairs)])
-        known = np.maximum(basis.doubts[0], 1.0) * np.hypot(z[:, :1], z[:, 1:])
-        sizes = each[:, np.newaxis, np.newaxis] * own * grain + (1.0 - own) * known
         off = self._signs(z.shape) * sizes
         if len(basis.carried):  # what loads carry too far is missing in what is free
             off -= basis.whole((1.0 - own) * off, level=0.0)

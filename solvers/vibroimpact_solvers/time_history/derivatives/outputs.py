@@ -13,7 +13,8 @@ from vibroimpact_solvers.derivatives import named
 from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.time_history.derivatives.following import FACTOR, Following, Impacts
-from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.derivatives.terms import Bend
+from vibroimpact_solvers.time_history.problem import MOVED, Problem, State
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.stated_errors import Reach
 from vibroimpact_solvers.time_history.structure import Structure
@@ -98,6 +99,7 @@ def derived(
     contact: float,
     until: float,
     grazings: int,
+    reach: Reach,
 ) -> dict[str, Any]:
     """Return the derivatives of a motion with rigid limiters.
 
@@ -116,6 +118,8 @@ def derived(
         Time until which the motion is predictable, or infinite.
     grazings : int
         Touches of walls without an impulse.
+    reach : Reach
+        Of the structure without contacts.
     """
     assert isinstance(problem.initial, State)
     end = _End(rows, errors, contact, until, grazings)
@@ -124,13 +128,13 @@ def derived(
         structure, problem.parameters, initial_state(problem, problem.initial, structure),
         Impacts.of(rows[: end.count], scale), times * scale,
     )  # fmt: skip
-    outputs = _Outputs(problem, structure, following)
+    outputs = _Outputs(problem, structure, following, reach)
     for some, states in following.blocks():
         outputs.take(some, states)
     end.stop(following.passed)
     values: dict[str, Any] = dict(named(problem.parameters))
     rates = [one.events.rates for one in following.motions]
-    impacts = _Impacts(structure, problem, rows, rates)
+    impacts = _Impacts(structure, problem, rows, rates, reach)
     values["derivative_distance"] = impacts.distance(end.count)
     if "impacts" in problem.outputs:
         values |= impacts.values(end.of_impacts)
@@ -143,13 +147,18 @@ def derived(
 class _Outputs:
     """Derivatives at the output times."""
 
-    def __init__(self, problem: Problem, structure: Structure, following: Following) -> None:
+    def __init__(
+        self, problem: Problem, structure: Structure, following: Following, reach: Reach
+    ) -> None:
         self._structure, self._names = structure, problem.outputs
         self._dofs, self._terms = problem.output_dofs, following.terms
-        self._reach = Reach(structure, structure.configuration(), self._dofs).history
+        self._reach = reach
+        self._times = problem.history_times * structure.scale
+        pairs = zip(problem.parameters, self._terms, strict=True)
+        asked = "a" in self._names
+        self._bends = [Bend.of(structure, *pair) for pair in pairs] if asked else []
         count, times = len(problem.parameters), problem.history_times.size
-        shape = times, self._dofs.size, count
-        sizes = {"x": shape, "v": shape, "energy": (times, count)}
+        sizes = dict.fromkeys(MOVED, (times, self._dofs.size, count)) | {"energy": (times, count)}
         self._values = {
             name: np.full((2, *size), np.nan) for name, size in sizes.items() if name in self._names
         }
@@ -173,7 +182,15 @@ class _Outputs:
             value, error = self._values[name]
             value[some] = unit * np.swapaxes(rates[:, 1:] @ shapes, 1, 2)
             summed = unit * rounded * np.swapaxes(np.abs(rates[:, 1:]) @ np.abs(shapes), 1, 2)
-            error[some] = lengths[:, np.newaxis] * self._reach[place, :, np.newaxis] + summed
+            reach = self._reach.history[place]
+            error[some] = lengths[:, np.newaxis] * reach[:, np.newaxis] + summed
+        if "a" in self._values:
+            value, error = self._values["a"]
+            value[some], size = self._accelerations(some, states[0])
+            others = [self._accelerations(some, other)[0] for other in states[1:]]
+            error[some] = FACTOR * np.abs(np.array(others) - value[some]).max(axis=0)
+            error[some] += lengths[:, np.newaxis] * self._reach.bend[0, :, np.newaxis]
+            error[some] += rounded * size
         if "energy" in self._values:
             value, error = self._values["energy"]
             value[some], size = self._energies(states[0])
@@ -182,6 +199,22 @@ class _Outputs:
             length = np.sqrt((basis.measure * whole**2).sum(axis=(2, 3)))
             error[some] = FACTOR * np.abs(np.array(others) - value[some]).max(axis=0)
             error[some] += _PART * structure.scale**2 * length * lengths + rounded * size
+
+    def _accelerations(self, some: slice, states: Floats) -> tuple[Floats, Floats]:
+        """Return derivatives of accelerations, and the sums of the magnitudes of their terms.
+
+        The rates of the rates of a state have the accelerations as rates of their coordinates.
+        """
+        basis, unit = self._structure.configuration().basis, self._structure.scale**2
+        shapes = basis.modes.shapes[self._dofs].T
+        bends = basis.coordinates(basis.drift(states[:, 1:]))[1]
+        sizes = np.abs(bends)
+        for p, bend in enumerate(self._bends):
+            more, size = bend.at(self._times[some], states[:, 0])
+            bends[:, p] += more
+            sizes[:, p] += size
+        values = unit * np.swapaxes(bends @ shapes, 1, 2)
+        return values, unit * np.swapaxes(sizes @ np.abs(shapes), 1, 2)
 
     def _energies(self, states: Floats) -> tuple[Floats, Floats]:
         """Return derivatives of the energy, and the sums of the magnitudes of their terms."""
@@ -216,10 +249,14 @@ class _Impacts:
     """Derivatives of the impacts."""
 
     def __init__(
-        self, structure: Structure, problem: Problem, rows: Rows, rates: Sequence[Floats]
+        self,
+        structure: Structure,
+        problem: Problem,
+        rows: Rows,
+        rates: Sequence[Floats],
+        reach: Reach,
     ) -> None:
         self._structure, self._rows, self._rates = structure, rows, rates
-        reach = Reach(structure, structure.configuration(), problem.output_dofs)
         self._place, self._speed, _ = reach.coordinates
         self._count = len(problem.parameters)
 

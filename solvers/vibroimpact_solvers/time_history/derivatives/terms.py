@@ -20,12 +20,16 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.derivatives import MatrixRate, Parameter, touched
-from vibroimpact_solvers.kernels.parameter_motion import Changes, Sources
+from vibroimpact_solvers.kernels.parameter_motion import SHORT, Changes, Sources
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _PRODUCTS: Final = 4.0
-"""Products of numbers of sources, for each pair, up to which their integrals in closed form cost
-less than Gauss sums."""
+"""Products of numbers of a parameter's sources, for each pair, up to which integrals in closed form
+cost less than long Gauss sums."""
+_FEW_PRODUCTS: Final = 2.0
+"""The same, of short ones."""
+_List = tuple[Integers, Integers, Floats]
+"""Rows of numbers without their zeros: where rows begin, places and values."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -107,6 +111,45 @@ class _Rows:
     by_time: bool = False
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Bend:
+    """What one parameter adds to the second rates of the coordinates, in the time of the basis."""
+
+    rows: tuple[_Rows, ...]
+    rates: tuple[Floats, ...]  # (row, mode) each: accelerations by the directions
+
+    @classmethod
+    def of(cls, structure: Structure, parameter: Parameter, terms: Terms) -> Bend:
+        """Return that of a parameter."""
+        basis = structure.configuration().basis
+        every = tuple(each for each in _sources(structure, parameter, terms) if each.constants.size)
+        return cls(every, tuple(basis.coordinates(each.directions)[1] for each in every))
+
+    def at(self, times: Floats, states: Floats) -> tuple[Floats, Floats]:
+        """Return it at states, (sample, mode), and the sums of the magnitudes of its terms.
+
+        Parameters
+        ----------
+        times : array, shape (sample,)
+        states : array, shape (sample, 2, pair)
+            Of the motion.
+        """
+        flat = states.reshape(len(states), -1)
+        total, size = np.zeros((2, len(states), self._modes(states)))
+        for rows, rates in zip(self.rows, self.rates, strict=True):
+            forms = rows.forms.reshape(len(rows.forms), -1)
+            value = flat @ forms.T + rows.constants
+            each = np.abs(flat) @ np.abs(forms.T) + np.abs(rows.constants)
+            if rows.by_time:
+                value, each = value * times[:, np.newaxis], each * times[:, np.newaxis]
+            total += value @ rates
+            size += each @ np.abs(rates)
+        return total, size
+
+    def _modes(self, states: Floats) -> int:
+        return self.rates[0].shape[1] if self.rates else 1
+
+
 def sources(
     structure: Structure, parameters: Sequence[Parameter], terms: Sequence[Terms]
 ) -> Sources:
@@ -118,12 +161,11 @@ def sources(
     ]
     every = [rows for each in lists for rows in each]
     counts = [sum(rows.constants.size for rows in each) for each in lists]
-    form, direction = (
-        _listed([getattr(rows, name) for rows in every]) for name in ("forms", "directions")
-    )
-    named = form[1], direction[1]
-    products = int((np.diff(form[0]) * np.diff(direction[0])).sum())
-    few = products <= _PRODUCTS * flow.nu.size * max(1, sum(count > 0 for count in counts))
+    pairs = [np.moveaxis(rows.forms, 1, 2) for rows in every]
+    form = _listed(pairs, np.zeros((0, 2)))
+    flat = [rows.directions.reshape(len(rows.directions), -1) for rows in every]
+    direction = _listed(flat, np.zeros(0))
+    closed_from = _closed_from(structure, counts, form, direction)
     return Sources(
         _starts(counts),
         *form,
@@ -133,32 +175,61 @@ def sources(
             [np.zeros(0, bool), *(np.full(rows.constants.size, rows.by_time) for rows in every)]
         ),
         float((np.abs(flow.alpha) + flow.nu).max(initial=0.0)),
-        few
-        and not flow.drives.size
-        and all(bool((part % flow.nu.size < flow.rotations).all()) for part in named),
+        closed_from,
+        float(closed_from.max(initial=0.0)),
     )
+
+
+def _closed_from(
+    structure: Structure, counts: Sequence[int], form: _List, direction: _List
+) -> Floats:
+    """Return from how many radians on integrals of each parameter are in closed form."""
+    flow = structure.configuration().basis.flow
+    radians = np.where(np.array(counts) > 0, np.inf, 0.0)
+    if flow.drives.size:
+        return radians
+    products = np.diff(form[0]) * np.diff(direction[0])
+    first = 0
+    for p, count in enumerate(counts):
+        some = slice(first, first + count)
+        named = [
+            places[starts[first] : starts[first + count]] for starts, places, _ in (form, direction)
+        ]
+        if all((each % flow.nu.size < flow.rotations).all() for each in named):
+            each = products[some].sum() / flow.nu.size
+            radians[p] = 0.0 if each <= _FEW_PRODUCTS else SHORT if each <= _PRODUCTS else np.inf
+        first += count
+    return radians
 
 
 def _sources(structure: Structure, parameter: Parameter, terms: Terms) -> Iterator[_Rows]:
     basis = structure.configuration().basis
-    modes, unit = basis.modes, 1.0 / structure.scale
-    a, b = terms.K.terms()
-    yield _Rows(basis.displacement(b), b @ basis.still, basis.kick(-(unit**2) * a))
-    a, b = terms.M.terms()
-    velocity = basis.velocity(b)
-    pushed = velocity[:, 1] @ basis.push
-    yield _Rows(basis.rates_of(velocity), pushed, basis.kick(-a))
-    damping = np.zeros(modes.roots.size) if modes.damping is None else modes.damping.diagonal()
-    form = Form.of(parameter.C, modes.shapes, damping)
-    if parameter.C.factor and modes.damping is not None:
-        coupled = parameter.C.factor * (modes.damping - np.diag(damping))
-        some = np.flatnonzero(coupled.any(axis=1))
-        yield _damped(structure, np.eye(damping.size)[some], coupled[some])
-    yield _damped(structure, *form.terms())
+    unit = 1.0 / structure.scale
+    if parameter.K:
+        a, b = terms.K.terms()
+        yield _Rows(basis.displacement(b), b @ basis.still, basis.kick(-(unit**2) * a))
+    if parameter.M:
+        a, b = terms.M.terms()
+        velocity = basis.velocity(b)
+        pushed = velocity[:, 1] @ basis.push
+        yield _Rows(basis.rates_of(velocity), pushed, basis.kick(-a))
+    if parameter.C:
+        yield from _dampings(structure, parameter)
     if terms.force.any():
         direction = basis.kick(unit**2 * terms.force[np.newaxis])
         yield _Rows(np.zeros_like(direction), np.ones(1), direction)
     yield from _loads(structure, parameter)
+
+
+def _dampings(structure: Structure, parameter: Parameter) -> Iterator[_Rows]:
+    """Yield the sources by the damping."""
+    modes = structure.configuration().basis.modes
+    damping = np.zeros(modes.roots.size) if modes.damping is None else modes.damping.diagonal()
+    if parameter.C.factor and modes.damping is not None:
+        coupled = parameter.C.factor * (modes.damping - np.diag(damping))
+        some = np.flatnonzero(coupled.any(axis=1))
+        yield _damped(structure, np.eye(damping.size)[some], coupled[some])
+    yield _damped(structure, *Form.of(parameter.C, modes.shapes, damping).terms())
 
 
 def _damped(structure: Structure, a: Floats, b: Floats) -> _Rows:
@@ -240,16 +311,15 @@ def _starts(counts: Sequence[int]) -> Integers:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def _listed(parts: Sequence[Floats]) -> tuple[Integers, Integers, Floats]:
-    """Return rows of numbers without their zeros: where rows begin, places and values."""
-    starts, places, values = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
+def _listed(parts: Sequence[Floats], none: Floats) -> _List:
+    """Return rows of numbers, or of several each, without zeros; none are no numbers."""
+    starts, places, values = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)], [none]
     count = 0
     for part in parts:
-        flat = part.reshape(len(part), -1)
-        row, place = np.nonzero(flat)
-        ends = np.cumsum(np.bincount(row, minlength=len(flat)))
+        row, place = np.nonzero(part if part.ndim == 2 else part.any(axis=2))
+        ends = np.cumsum(np.bincount(row, minlength=len(part)))
         starts.append((count + ends).astype(np.int64))
         places.append(place.astype(np.int64))
-        values.append(flat[row, place])
+        values.append(part[row, place])
         count += row.size
     return np.concatenate(starts), np.concatenate(places), np.concatenate(values)

@@ -9,7 +9,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.contact_phases import SAMPLED
 from vibroimpact_solvers.kernels.stopped_scenes import LOADED, OPEN
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.problem import MOVED, Problem
 from vibroimpact_solvers.time_history.stops.configurations import StoppedStructure
 from vibroimpact_solvers.time_history.stops.scenes import Scene
 
@@ -30,8 +30,8 @@ class Samples:
     Attributes
     ----------
     values : dict
-        The outputs that are asked for, `x`, `v`, `energy` and `force`, and `error_` and their names
-        where errors are estimated.
+        The outputs that are asked for, `x`, `v`, `a`, `energy` and `force`, and `error_` and their
+        names where errors are estimated.
     """
 
     def __init__(self, structure: StoppedStructure, problem: Problem) -> None:
@@ -41,11 +41,16 @@ class Samples:
         shapes = {
             "x": (count, self._dofs.size),
             "v": (count, self._dofs.size),
+            "a": (count, self._dofs.size),
             "energy": (count,),
             "force": (count, stops),
         }
-        parts = ("x", slice(self._dofs.size)), ("v", slice(self._dofs.size, None))
-        self._history = [part for part in parts if part[0] in problem.outputs]
+        size = self._dofs.size
+        self._history = [
+            (name, slice(place * size, (place + 1) * size))
+            for place, name in enumerate(MOVED)
+            if name in problem.outputs
+        ]
         self.values: dict[str, Any] = {}
         for name in shapes.keys() & problem.outputs:
             self.values[name] = np.empty(shapes[name])

@@ -18,13 +18,13 @@ States = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HistoryForms:
-    """What makes displacements, and then velocities, of some degrees of freedom of states.
+    """What makes displacements, velocities and accelerations of some degrees of freedom of states.
 
     Parameters
     ----------
-    values, sizes : array, shape (2 dof, 2 pair)
+    values, sizes : array, shape (3 dof, 2 pair)
         The forms, and their magnitudes.
-    offset, terms : array, shape (2 dof,)
+    offset, terms : array, shape (3 dof,)
         What is added to them, and the magnitudes of what it is the sum of.
     """
 
@@ -55,17 +55,22 @@ class Scene:
     _history: list[tuple[bytes, HistoryForms]] = field(default_factory=list, repr=False)
 
     def history_forms(self, dofs: Integers, scale: float) -> HistoryForms:
-        """Return what makes displacements and velocities of states; the last ones are kept."""
+        """Return what makes histories of states; the last ones are kept."""
         key, known = dofs.tobytes(), self._history[:]  # threads may replace it
         if known and known[0][0] == key:
             return known[0][1]
         modes, basis = self.basis.modes, self.basis
         shapes, base = modes.shapes[dofs], modes.base[dofs]
-        given = basis.displacement(shapes), scale * basis.velocity(shapes)
-        values = np.concatenate(given).reshape(2 * dofs.size, -1)
-        offset, terms = np.zeros(2 * dofs.size), np.zeros(2 * dofs.size)
-        offset[: dofs.size] = shapes @ basis.still + base
-        terms[: dofs.size] = np.abs(shapes) @ self.placed.terms + np.abs(base)
+        velocity = basis.velocity(shapes)
+        bend = scale**2 * basis.rates_of(velocity)
+        given = basis.displacement(shapes), scale * velocity, bend
+        values = np.concatenate(given).reshape(3 * dofs.size, -1)
+        offset, terms = np.zeros((2, 3, dofs.size))
+        offset[0] = shapes @ basis.still + base
+        terms[0] = np.abs(shapes) @ self.placed.terms + np.abs(base)
+        offset[2] = scale**2 * (velocity[:, 1] @ basis.push)
+        terms[2] = scale**2 * (np.abs(velocity[:, 1]) @ np.abs(basis.push))
+        offset, terms = offset.ravel(), terms.ravel()
         forms = HistoryForms(values, np.abs(values), offset, terms)
         self._history[:] = [(key, forms)]
         return forms
