@@ -12,188 +12,12 @@ from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import prescribed
+from vibroimpact_solvers.periodic_motions.stops.parts import ROUNDED, Part
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side, Stop
-from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
-from vibroimpact_solvers.periodic_motions.stops.solutions import Solutions
 
-_NODES: Final = 12
-_PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
-_WEIGHTS: Final = 0.5 * np.polynomial.legendre.leggauss(_NODES)[1]
-_TURN: Final = 2.0  # radians of what turns fastest in a panel
-_SILENT: Final = 1e-15  # of a form, what needs no nodes
-_NUMBERS: Final = 2**16  # nodes times pairs, at most
-_LEAST: Final = 500  # nodes that are always allowed
-_LONG: Final = 300.0  # exponents whose exponentials are numbers
 _PEAKS: Final = 8  # nodes between their neighbours at which a form may be largest
 _NEWTON: Final = 6
-_ROUNDED: Final = 8.0
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Nodes:
-    """A quadrature over a part of a motion.
-
-    Parameters
-    ----------
-    times, weights : array, shape (time,)
-    left : array of int
-        Pairs that are too fast for the nodes.
-    """
-
-    times: Floats
-    weights: Floats
-    left: Integers
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Part:
-    """A part of one solution, in which one structure moves.
-
-    Parameters
-    ----------
-    side : Side
-    state : array, shape (2 pair,)
-    steady : array, shape (harmonic, 2 pair), complex
-        With the drive's phase at the beginning.
-    rates, turned : array, shape (harmonic,)
-        Rates of the load, and what its amplitudes are multiplied by at the beginning.
-    length : float
-    error : array, shape (pair,)
-        Of the state.
-    """
-
-    side: Side
-    state: Floats
-    steady: Complexes
-    rates: Floats
-    turned: Complexes
-    length: float
-    error: Floats
-
-    def states(self, times: Floats) -> Floats:
-        """Return whole states, with the steady response, at times, (time, 2 pair)."""
-        flow = self.side.propagators(times)
-        moved = prescribed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
-        return np.asarray(
-            moved + (np.exp(1j * times[:, np.newaxis] * self.rates) @ self.steady).real
-        )
-
-    def both(self, times: Floats) -> tuple[Floats, Floats]:
-        """Return whole states and their rates, (time, 2 pair)."""
-        flow = self.side.propagators(times)
-        moved = prescribed.apply(flow, np.broadcast_to(self.state, (times.size, self.state.size)))
-        rates = prescribed.drift(self.side, np.arange(self.state.size), moved, form=False)
-        turned = np.exp(1j * times[:, np.newaxis] * self.rates)
-        return (
-            np.asarray(moved + (turned @ self.steady).real),
-            np.asarray(rates + ((turned * (1j * self.rates)) @ self.steady).real),
-        )
-
-    def nodes(self, form: Floats) -> Nodes:
-        """Return times and weights of a quadrature that is exact for forms (form, 2 pair).
-
-        So it is but for what is fast and of little weight, if all is too much.
-        """
-        n, growth, rate = self.side.size, self.side.growth, self.side.rate
-        sizes = self._lengths(form) * np.hypot(self.state[:n], self.state[n:])
-        grown = sizes * np.exp(np.clip(growth * self.length, 0.0, _LONG))
-        steady = np.abs(self.steady).sum(axis=0)
-        whole = grown.sum(axis=1) + self._lengths(form) @ np.hypot(steady[:n], steady[n:])
-        share = (grown / np.maximum(whole, 1e-300)[:, np.newaxis]).max(axis=0)
-        # Pairs by descending rate; what of them, and for how long, is more than rounding.
-        order = np.argsort(-rate, kind="stable")
-        seen = np.log(np.maximum(share[order], 1e-300) * n / _SILENT)
-        own, fades = growth[order], np.where(growth[order] < 0.0, -growth[order], 0.0)
-        lasts = np.where(fades > 0.0, seen / np.maximum(fades, 1e-300), np.inf)
-        lasts = np.clip(np.where((seen <= 0.0) & (own <= 0.0), 0.0, lasts), 0.0, self.length)
-        most = max(_LEAST, _NUMBERS // max(n, 1))
-        low, high = 0, n
-        while low < high:
-            first = (low + high) // 2
-            if self._panels(rate[order[first:]], lasts[first:])[1].sum() * _NODES <= most:
-                high = first
-            else:
-                low = first + 1
-        left = np.zeros(n, dtype=bool)
-        left[order[:low]] = lasts[:low] > 0.0
-        ends, counts = self._panels(rate[order[low:]], lasts[low:])
-        starts = np.concatenate([[0.0], ends[:-1]])
-        inner = [
-            begin + (end - begin) * np.arange(count) / count
-            for begin, end, count in zip(starts, ends, counts.tolist(), strict=True)
-        ]
-        edges = np.concatenate([*inner, [self.length]])
-        widths = np.diff(edges)[:, np.newaxis]
-        times, weights = edges[:-1, np.newaxis] + widths * _PLACES, widths * _WEIGHTS
-        # Both ends are nodes of no weight: peaks are often there.
-        times = np.concatenate([edges[:1], times.ravel(), edges[-1:]])
-        return Nodes(times, np.concatenate([[0.0], weights.ravel(), [0.0]]), np.flatnonzero(left))
-
-    def _panels(self, rates: Floats, lasts: Floats) -> tuple[Floats, Integers]:
-        """Return ends of stretches and their numbers of panels, for pairs by descending rate."""
-        load = float(self.rates.max(initial=0.0))
-        until = np.append(np.maximum.accumulate(lasts) if lasts.size else lasts, self.length)
-        width = np.diff(until, prepend=0.0)
-        fastest = np.maximum(np.append(rates, 0.0), load)
-        some = width > 1e-12 * self.length
-        some[-1] |= not some.any()
-        ends = until[some]
-        ends[-1] = self.length
-        counts = np.ceil(np.diff(ends, prepend=0.0) * fastest[some] / _TURN)
-        return ends, np.maximum(np.minimum(counts, 1e9), 1.0).astype(np.int64)
-
-    def _lengths(self, form: Floats) -> Floats:
-        n = self.side.size
-        return np.asarray(np.hypot(form[:, :n], form[:, n:]))
-
-    def ripple(self, form: Floats, nodes: Nodes) -> Floats:
-        """Return the sizes of what the nodes leave out of forms, (time, form)."""
-        left, n = nodes.left, self.side.size
-        sizes = np.hypot(self.state[left], self.state[left + n])
-        decay = np.exp(np.clip(nodes.times[:, np.newaxis] * self.side.growth[left], -_LONG, _LONG))
-        return np.asarray((decay * sizes) @ self._lengths(form)[:, left].T)
-
-    def error_of(self, form: Floats) -> Floats:
-        """Return errors of forms (form, 2 pair) along the part, (form,)."""
-        n = self.side.size
-        growth = np.maximum(self.side.growth * self.length, 0.0)
-        error = self.error * np.exp(np.minimum(growth, 700.0))
-        sizes = np.abs(self.state) + np.abs(self.steady).sum(axis=0)
-        lengths = np.hypot(form[:, :n], form[:, n:])
-        rounded = self.side.shape_error + _ROUNDED * EPS
-        late = (
-            2.0 * EPS * self.length * (np.abs(form) @ (np.abs(self.steady).T * self.rates).sum(1))
-        )
-        return np.asarray(np.sqrt(lengths**2 @ error**2) + rounded * np.abs(form) @ sizes + late)
-
-    @classmethod
-    def at_entry(cls, phases: Phases, cells: Cells, solved: Solutions, k: int) -> Part:
-        """Return the state of the open structure where a contact phase begins."""
-        f = int(solved.index[k])
-        turned = np.exp(1j * solved.phase[k] * phases.harmonics)
-        return cls(
-            phases.open, solved.entry[k], cells.opened[f] * turned[:, np.newaxis],
-            cells.Omega[f] * phases.harmonics, turned, 0.0, solved.left_error[k],
-        )  # fmt: skip
-
-
-def parts(phases: Phases, cells: Cells, solved: Solutions, k: int) -> tuple[Part, Part]:
-    """Return the contact phase of a solution, and what follows."""
-    f = int(solved.index[k])
-    rates = cells.Omega[f] * phases.harmonics
-
-    def part(side: Side, steady: Complexes, since: float, state: Floats, length: float,
-             error: Floats) -> Part:  # fmt: skip
-        turned = np.exp(1j * (solved.phase[k] * phases.harmonics + rates * since))
-        own = steady[f] * turned[:, np.newaxis]
-        return Part(side, state, own, rates, turned * cells.factor[f], length, error)
-
-    d, rest = float(solved.d[k]), float(solved.rest[k])
-    return (
-        part(phases.loaded, cells.loaded, 0.0, solved.loaded[k], d, solved.loaded_error[k]),
-        part(phases.open, cells.opened, d, solved.left[k], rest, solved.left_error[k]),
-    )
 
 
 @dataclass(eq=False, slots=True)
@@ -207,6 +31,8 @@ class Sums:
         Work of the load, losses by the structure's damping, integral of the power's modulus.
     peak_force, indentation, impulse, rubbed : float
         Of the contact phase; rubbed is the integral of the squared rate of the indentation.
+    wall_work : float
+        Work of the wall in the contact phase.
     x_error : array, shape (dof,)
     rms_error : array, shape (dof,)
         Integrals of errors of squares.
@@ -231,6 +57,8 @@ class Sums:
     indentation_error: float = 0.0
     impulse_error: float = 0.0
     rubbed_error: float = 0.0
+    wall_work: float = 0.0
+    wall_work_error: float = 0.0
 
     @classmethod
     def nothing(cls, dofs: int) -> Sums:
@@ -269,10 +97,15 @@ def add_extremes(part: Part, dofs: Integers, total: Sums) -> None:
     nodes = part.nodes(form)
     x = part.states(nodes.times) @ form.T + still
     ripple = part.ripple(form, nodes)
+    error = part.error_of(form) + ROUNDED * EPS * np.abs(still)
+    shift = np.zeros((part.rates.size, dofs.size), dtype=np.complex128)
+    if part.frame is not None:
+        shift = part.frame.shift[:, dofs]
+        x += part.carried(nodes.times, shift)
+        error += part.carried_error(shift)
     total.squares += nodes.weights @ x**2
-    error = part.error_of(form) + _ROUNDED * EPS * np.abs(still)
     for sign, name in ((1.0, "highest"), (-1.0, "lowest")):
-        best = sign * peaks(part, sign * form, sign * still, nodes.times, sign * x)
+        best = sign * peaks(part, sign * form, sign * still, nodes.times, sign * x, sign * shift)
         old = getattr(total, name)
         setattr(total, name, np.maximum(old, best) if sign > 0 else np.minimum(old, best))
         if nodes.left.size:
@@ -281,8 +114,14 @@ def add_extremes(part: Part, dofs: Integers, total: Sums) -> None:
     total.rms_error += nodes.weights @ (ripple * (2.0 * np.abs(x) + ripple))
 
 
-def peaks(part: Part, form: Floats, level: Floats, times: Floats, seen: Floats) -> Floats:
-    """Return the largest values of forms near times at which they are seen, (form,)."""
+def peaks(
+    part: Part, form: Floats, level: Floats, times: Floats, seen: Floats,
+    shift: Complexes | None = None,
+) -> Floats:  # fmt: skip
+    """Return the largest values of forms near times at which they are seen, (form,).
+
+    Amplitudes of a shift, (harmonic, form), are added to the forms.
+    """
     seen = np.ascontiguousarray(seen.T)
     best, columns = seen.max(axis=1), np.arange(form.shape[0])
     low = seen.copy()
@@ -293,14 +132,16 @@ def peaks(part: Part, form: Floats, level: Floats, times: Floats, seen: Floats) 
     slope = prescribed.drift(part.side, np.arange(form.shape[1]), form, form=True)
     # The steady response turns at its own rates: its second derivative is not that of the form.
     rates = 1j * part.rates[:, np.newaxis]
-    more = (rates * (rates * (part.steady @ form.T) - part.steady @ slope.T)).T
+    swing = np.zeros((part.rates.size, form.shape[0])) if shift is None else shift
+    more = (rates * (rates * (part.steady @ form.T + swing) - part.steady @ slope.T)).T
+    there, moving = swing.T, (rates * swing).T
 
     def step(at: Floats) -> tuple[Floats, Floats, Floats]:
         """Return values, slopes, and Newton's steps of forms at times (…, form) of their own."""
         state, moved = (z.reshape(*at.shape, -1) for z in part.both(at.ravel()))
-        value = (state * form).sum(axis=-1) + level
-        rate = (moved * form).sum(axis=-1)
         turned = np.exp(1j * at[..., np.newaxis] * part.rates)
+        value = (state * form).sum(axis=-1) + level + (turned * there).real.sum(axis=-1)
+        rate = (moved * form).sum(axis=-1) + (turned * moving).real.sum(axis=-1)
         bend = (moved * slope).sum(axis=-1) + (turned * more).real.sum(axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
             way = np.where(bend < 0.0, -rate / bend, 0.0)
@@ -328,18 +169,27 @@ def add_energies(phases: Phases | Scenes, part: Part, total: Sums) -> None:
     """Add the work of the load and what damping of the structure dissipates."""
     side, stopped = part.side, phases.stopped
     free = stopped.placed(()).basis.modes
-    forces = phases.forces @ free.shapes  # modal, of the open structure
-    pushed, scale, n = forces * part.turned[:, np.newaxis], phases.scale, free.roots.size
+    scale, n = phases.scale, free.roots.size
+    # modal, of the open structure
+    pushed = (phases.forces @ free.shapes) * part.turned[:, np.newaxis]
+    if part.frame is not None:
+        pushed = part.frame.forces @ free.shapes
     modal = side.basis.velocity(np.eye(n)).reshape(n, -1)
     rate_error = part.error_of(modal)
     nodes = part.nodes(modal)
     weights, flow = nodes.weights / scale, np.exp(1j * nodes.times[:, np.newaxis] * part.rates)
     _, rate = side.coordinates_of(part.states(nodes.times))
+    carried_error = np.zeros(n)
     v = scale * (rate @ side.vectors.T)
+    if part.frame is not None:
+        speeds = 1j * scale * part.rates[:, np.newaxis] * stopped.modal(part.frame.shift)
+        v += part.carried(nodes.times, speeds)
+        carried_error = part.carried_error(speeds)
     load = (flow @ pushed).real
     total.work += float(weights @ (load * v).sum(axis=1))
     total.flow += float(weights @ (np.abs(load) * np.abs(v)).sum(axis=1))
     off = scale * (rate_error + part.ripple(modal, nodes)) @ np.abs(side.vectors).T
+    off += carried_error
     total.work_error += float(weights @ (np.abs(load) * off).sum(axis=1))
     if free.damping is not None and free.damping.size:
         dragged = v @ free.damping
@@ -361,7 +211,7 @@ def set_forces(stop: Stop, scale: float, part: Part, total: Sums) -> None:
     levels = np.append(side.force_level, level)
     speed = sign * side.velocity[a]
     rate_error = float(part.error_of(speed[np.newaxis])[0])
-    errors = part.error_of(both) + _ROUNDED * EPS * np.array([side.force_size, np.abs(level)[0]])
+    errors = part.error_of(both) + ROUNDED * EPS * np.array([side.force_size, np.abs(level)[0]])
     steady_error = float(errors[0])
     nodes = part.nodes(np.concatenate([both, speed[np.newaxis]]))
     z, weights = part.states(nodes.times), nodes.weights / scale
@@ -371,6 +221,12 @@ def set_forces(stop: Stop, scale: float, part: Part, total: Sums) -> None:
         errors = np.maximum(errors, (seen - best + 2.0 * ripple).max(axis=0))
     total.peak_force, total.indentation = (float(value) for value in best)
     total.impulse = float(weights @ seen[:, 0])
+    if part.frame is not None:
+        wall = part.carried(nodes.times, 1j * scale * part.rates * part.frame.walls[:, a])
+        power = -sign * seen[:, 0] * wall  # the stop pushes the structure by -sign F
+        total.wall_work = float(weights @ power)
+        off = (errors[0] + ripple[:, 0]) * np.abs(wall) + 16.0 * EPS * np.abs(power)
+        total.wall_work_error = float(weights @ off)
     v, own = scale * (z @ speed), part.ripple(speed[np.newaxis], nodes)[:, 0]
     total.rubbed = float(weights @ v**2)
     off = scale * (rate_error + own)
