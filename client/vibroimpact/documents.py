@@ -1373,7 +1373,8 @@ class Constraint(TypedDict):
     """
     wall: NotRequired[Sequence[WallSwing] | WallSamples | None]
     """How both walls move, which is added to their places: harmonic terms, or samples. Of
-    linear stops in time histories; absent: they are at rest.
+    linear stops in time histories and, harmonics of the drive, in periodic motions; absent:
+    they are at rest.
     """
 
 

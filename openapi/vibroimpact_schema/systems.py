@@ -165,7 +165,8 @@ class Constraint(Document):
     wall: Wall | None = Field(
         None,
         description="How both walls move, which is added to their places: harmonic terms, or "
-        "samples. Of linear stops in time histories; absent: they are at rest.",
+        "samples. Of linear stops in time histories and, harmonics of the drive, in periodic "
+        "motions; absent: they are at rest.",
     )
 
     @model_validator(mode="after")
