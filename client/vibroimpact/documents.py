@@ -1416,7 +1416,8 @@ class Constraint(TypedDict):
     """
     wall: NotRequired[Sequence[WallSwing] | WallSamples | None]
     """How both walls move, which is added to their places: harmonic terms, or samples. Of
-    linear stops in time histories; absent: they are at rest.
+    linear stops in time histories and, harmonics of the drive, in periodic motions; absent:
+    they are at rest.
     """
 
 
@@ -1522,12 +1523,17 @@ class PowerLaw(TypedDict):
 
 
 class WallSwing(TypedDict):
-    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop."""
+    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop.
+
+    In periodic motions it has a harmonic of the drive instead of a frequency.
+    """
 
     amplitude: float
     """Its amplitude, length."""
-    frequency: float
+    frequency: NotRequired[float | None]
     """Its angular frequency."""
+    harmonic: NotRequired[int | None]
+    """Instead of it: its frequency as a multiple of the drive's."""
     phase: NotRequired[float]
     """Its phase at t = 0. Default: 0.0."""
 

@@ -51,7 +51,8 @@ def constraint(
     wall : sequence of mapping or mapping, optional
         How both walls of a stop with a stiffness move: harmonic terms, as ``[{"amplitude": 0.01,
         "frequency": 2.0, "phase": 0.0}]``, or samples ``{"t": times, "y": displacements}`` with
-        straight lines between.
+        straight lines between. In periodic motions, harmonics of the drive: ``[{"amplitude": 0.01,
+        "harmonic": 1, "phase": 0.0}]``.
 
     Examples
     --------
@@ -95,7 +96,10 @@ def _wall(wall: Wall) -> Sequence[documents.WallSwing] | documents.WallSamples:
         return {"t": numbers("t of the wall", wall["t"]), "y": numbers("y", wall["y"])}
     terms: list[documents.WallSwing] = []
     for each in [wall] if isinstance(wall, Mapping) else wall:
-        term: Any = {name: number(f"{name} of the wall", value) for name, value in each.items()}
+        term: Any = {
+            name: (integer if name == "harmonic" else number)(f"{name} of the wall", value)
+            for name, value in each.items()
+        }
         terms.append(term)
     return terms
 

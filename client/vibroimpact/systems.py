@@ -106,7 +106,7 @@ def system(
     document: documents.MatrixSystem = {
         "M": matrix(M, "M"),
         "K": matrix(K, "K"),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     if C is not None:
         document["C"] = matrix(C, "C")
@@ -140,7 +140,7 @@ def chain(
         "n": integer("n", n),
         "mass": number("mass", mass),
         "stiffness": number("stiffness", stiffness),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, damping, dashpots, influence)
 
@@ -159,7 +159,7 @@ def oscillator(
         "preset": "oscillator",
         "Omega0": number("Omega0", Omega0),
         "zeta": number("zeta", zeta),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, damping, dashpots, influence)
 
@@ -180,7 +180,7 @@ def two_mass(
         "Omega0": number("Omega0", Omega0),
         "coupling": number("coupling", coupling),
         "zeta": number("zeta", zeta),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, damping, dashpots, influence)
 
@@ -197,7 +197,7 @@ def double_pendulum(
     document: documents.DoublePendulum = {
         "preset": "double_pendulum",
         "mu": number("mu", mu),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, damping, dashpots, influence)
 
@@ -232,7 +232,7 @@ def absorber(
         "Omega0": number("Omega0", Omega0),
         "ratio": number("ratio", ratio),
         "tuning": number("tuning", tuning),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, damping, dashpots, influence)
 
@@ -269,7 +269,7 @@ def beam(
         "length": number("length", length),
         "EI": number("EI", EI),
         "rhoA": number("rhoA", rhoA),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, damping, dashpots, influence)
 
@@ -279,12 +279,12 @@ def bouncing_ball(constraints: Constraints, g: float = 9.81) -> documents.Bounci
     document: documents.BouncingBall = {
         "preset": "bouncing_ball",
         "g": number("g", g),
-        "constraints": _several(constraints),
+        "constraints": several(constraints),
     }
     return _completed(document, None, (), None)
 
 
-def _several(constraints: Constraints) -> list[documents.Constraint]:
+def several(constraints: Constraints) -> list[documents.Constraint]:
     """Return a list, also of a single constraint."""
     several: Any = [constraints] if isinstance(constraints, dict) else constraints
     return list(several)

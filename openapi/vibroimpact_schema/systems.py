@@ -111,10 +111,16 @@ Gap = Annotated[
 
 
 class WallSwing(Document):
-    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop."""
+    """A displacement ``amplitude cos(frequency t + phase)`` of both walls of a stop.
+
+    In periodic motions it has a harmonic of the drive instead of a frequency.
+    """
 
     amplitude: Number = Field(description="Its amplitude, length.")
-    frequency: Positive = Field(description="Its angular frequency.")
+    frequency: Positive | None = Field(None, description="Its angular frequency.")
+    harmonic: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = Field(
+        None, description="Instead of it: its frequency as a multiple of the drive's."
+    )
     phase: Number = Field(0.0, description="Its phase at t = 0.")
 
 
@@ -159,7 +165,8 @@ class Constraint(Document):
     wall: Wall | None = Field(
         None,
         description="How both walls move, which is added to their places: harmonic terms, or "
-        "samples. Of linear stops in time histories; absent: they are at rest.",
+        "samples. Of linear stops in time histories and, harmonics of the drive, in periodic "
+        "motions; absent: they are at rest.",
     )
 
     @model_validator(mode="after")

@@ -1,7 +1,8 @@
 """Walls that move: both walls of a coordinate y are displaced by u(t), and stops see y - u.
 
-The displacement is a sum of harmonics, or a straight line between samples. Kinds that compute such
-motions are `OFFERED`; all others refuse walls that move.
+The displacement is a sum of harmonics, or a straight line between samples. Harmonics have a
+frequency of their own in time histories, and are multiples of the drive's in periodic motions.
+Kinds that compute such motions are `OFFERED`; all others refuse walls that move.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from vibroimpact_solvers.errors import ModelError
 
-OFFERED: Final = ("time-history",)
+OFFERED: Final = ("time-history", "periodic-motions")
 """Kinds that compute motions with moving walls."""
 LARGEST: Final = 1e100
 """Largest displacement and frequency of a wall."""
@@ -44,6 +45,32 @@ class Swing:
 
 
 @dataclass(frozen=True, slots=True)
+class Turn:
+    """A displacement ``amplitude cos(harmonic Omega t + phase)`` of a wall, Omega of the drive.
+
+    Parameters
+    ----------
+    amplitude : float
+    harmonic : int
+        Multiple of the drive's frequency, at least 1.
+    phase : float
+    """
+
+    amplitude: float
+    harmonic: int = 1
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "phase"):
+            if not abs(getattr(self, name)) <= LARGEST:
+                message = f"the {name} of the wall is {getattr(self, name)!r}"
+                raise ModelError((name,), message, code="out_of_range")
+        if self.harmonic < 1:
+            message = "the harmonic is below 1; a constant displacement belongs to the gap"
+            raise ModelError(("harmonic",), message, code="out_of_range")
+
+
+@dataclass(frozen=True, slots=True)
 class Samples:
     """Displacements of a wall at times, with straight lines between.
 
@@ -68,22 +95,37 @@ class Samples:
             raise ModelError(("t",), "the times do not ascend", code="not_ascending")
 
 
-Wall = tuple[Swing, ...] | Samples
+Wall = tuple[Swing | Turn, ...] | Samples
 """How both walls of a coordinate move; an empty tuple stands for walls at rest."""
 
 
 def require(kind: str, constraints: Sequence[Any]) -> None:
-    """Refuse walls that move where a kind does not compute them.
+    """Refuse walls that move where a kind does not compute them, or not in this way.
 
     Raises
     ------
     ModelError
         Naming the first of them.
     """
-    index = next((i for i, c in enumerate(constraints) if c.wall), None)
-    if index is not None and kind not in OFFERED:
-        message = f"{kind} is computed with walls at rest; moving ones are offered by {OFFERED[0]}"
-        raise ModelError(("system", "constraints", index, "wall"), message, code="not_possible")
+    driven = kind == OFFERED[1]
+    for index, wall in ((i, c.wall) for i, c in enumerate(constraints) if c.wall):
+        where = ("system", "constraints", index, "wall")
+        if kind not in OFFERED:
+            offered = " and ".join(OFFERED)
+            message = f"{kind} is computed with walls at rest; moving ones are offered by {offered}"
+            raise ModelError(where, message, code="not_possible")
+        if driven and isinstance(wall, Samples):
+            message = "samples of a wall are offered by time-history; periodic motions take terms"
+            raise ModelError(where, message, code="not_possible")
+        for place, term in enumerate(() if isinstance(wall, Samples) else wall):
+            if isinstance(term, Turn) != driven:
+                message = (
+                    "the wall of a periodic motion has a harmonic of the drive, not a frequency"
+                    if driven
+                    else f"the wall of a {kind} has a frequency: there is no drive's harmonic"
+                )
+                name = "frequency" if driven else "harmonic"
+                raise ModelError((*where, place, name), message, code="not_possible")
 
 
 def check(constraints: Sequence[Any], t_end: float) -> None:
@@ -115,7 +157,7 @@ def check(constraints: Sequence[Any], t_end: float) -> None:
                 )
                 raise ModelError(where, message, code="not_possible")
             continue
-        for place, swing in enumerate(wall):
+        for place, swing in enumerate(swings(wall)):
             if swing.frequency * t_end > 2.0**52:
                 message = "the wall swings too often until t_end for its phase to be known"
                 pointer = (*where, place, "frequency")
@@ -129,9 +171,18 @@ def velocity_of(cosine: Any, sine: Any, frequencies: Any) -> tuple[Any, Any]:
 
 def parts(wall: Wall) -> list[tuple[float, float, float]]:
     """Return the frequency, cosine and sine of each swing of a wall."""
-    if isinstance(wall, Samples):
-        return []
     return [
         (s.frequency, s.amplitude * math.cos(s.phase), s.amplitude * math.sin(s.phase))
-        for s in wall
+        for s in swings(wall)
     ]
+
+
+def swings(wall: Wall) -> list[Swing]:
+    """Return the terms of a wall that have a frequency."""
+    return [] if isinstance(wall, Samples) else [s for s in wall if isinstance(s, Swing)]
+
+
+def turns(wall: Wall) -> list[Turn]:
+    """Return the terms of a wall that are harmonics of the drive, if they have an amplitude."""
+    given = () if isinstance(wall, Samples) else wall
+    return [term for term in given if isinstance(term, Turn) and term.amplitude != 0.0]

@@ -41,6 +41,25 @@ def test_results_are_arrays(client: vi.Client) -> None:
         _ = result.nothing
 
 
+def test_reduced_models_strike_through_the_service_as_in_a_process(client: vi.Client) -> None:
+    """Ten masses in a row, reduced to three modes, and a stop at a mass that is not kept."""
+    K = 2.0 * np.eye(10) - np.eye(10, k=1) - np.eye(10, k=-1)
+    small = vi.reduce(vi.Model(np.eye(10), K), [], modes=3).model
+    stop = small.constraint(6, "x", gap=0.5, stiffness=5.0)
+    structure = small.system([stop], damping=0.03, residual_flexibility=True)
+    assert structure["residual_flexibility"] is not None
+    one, other, stored = (
+        each.periodic_motions(given, [0.4], [vi.drive(small.weights(2))])
+        for each, given in (
+            (client, structure), (vi.Local(), structure), (client, client.store(structure))
+        )
+    )  # fmt: skip
+    assert one.contact.duration.size
+    for name in ("duration", "peak_force", "indentation"):
+        np.testing.assert_array_equal(one.contact[name], other.contact[name])
+        np.testing.assert_array_equal(one.contact[name], stored.contact[name])
+
+
 def test_files_open_in_xarray(client: vi.Client, tmp_path: Path) -> None:
     result = client.impact_modes(STRUCTURE, (0.6, 2.4, 50), outputs=ALL, tau=[0.5, 1.0])
     path = result.to_hdf5(tmp_path / "result.h5")

@@ -212,3 +212,64 @@ def test_other_kinds_name_those_that_offer_a_law(kind: str) -> None:
     with pytest.raises(InvalidRequest, match="offered by time-history and ensemble") as refused:
         call()
     assert refused.value.errors[0]["pointer"] == "/system/constraints/0/law"
+
+
+def walled(**term: Any) -> Any:
+    """Return a chain whose wall moves."""
+    stop = vi.constraint(0, 0.3, stiffness=20.0, damping=0.5, wall=[{"amplitude": 0.1} | term])
+    return vi.chain(3, [stop], damping=0.3)
+
+
+def test_walls_move_with_the_drive() -> None:
+    """A sweep over the amplitude is its points alone; without one the wall is at rest."""
+    local, load = vi.Local(), [vi.drive(0, 0.5)]
+    request = vi.periodic_motions_request(
+        walled(harmonic=1, phase=0.4), [0.8], load, sequence="symmetric"
+    )
+    path = "system.constraints.0.wall.0.amplitude"
+    swept = local.sweep("periodic-motions", request, {path: [0.0, 0.1, 0.2]})
+    for k, amplitude in enumerate((0.0, 0.1, 0.2)):
+        alone = local.periodic_motions(
+            walled(harmonic=1, phase=0.4, amplitude=amplitude),
+            [0.8],
+            load,
+            sequence="symmetric",
+        )
+        rows = swept.rows("contact", amplitude=amplitude)
+        np.testing.assert_array_equal(rows.peak_force, alone.contact.peak_force)
+        assert alone.solution.exists.any()
+        assert np.abs(alone.solution.work - alone.solution.energy_lost).max() < 1e-12
+        if k == 0:
+            still = vi.constraint(0, 0.3, stiffness=20.0, damping=0.5)
+            at_rest = local.periodic_motions(
+                vi.chain(3, [still], damping=0.3), [0.8], load, sequence="symmetric"
+            )
+            for name in ("duration", "peak_force", "energy_lost"):
+                np.testing.assert_array_equal(alone.contact[name], at_rest.contact[name])
+
+
+@pytest.mark.parametrize(
+    ("kind", "term", "pointer", "message"),
+    [
+        ("periodic", {}, "/frequency", "give one of them"),
+        ("periodic", {"frequency": 1.0, "harmonic": 1}, "/frequency", "give one of them"),
+        ("periodic", {"frequency": 1.0}, "/frequency", "harmonic of the drive"),
+        ("periodic", {"harmonic": 0}, "/harmonic", "greater than or equal to 1"),
+        ("history", {"harmonic": 1}, "/harmonic", "no drive's harmonic"),
+        ("attractors", {"harmonic": 1}, "", "time-history and periodic-motions"),
+    ],
+)
+def test_other_terms_of_walls_are_named(
+    kind: str, term: dict[str, float], pointer: str, message: str
+) -> None:
+    local, system, load = vi.Local(), walled(**term), [vi.drive(0, 0.5)]
+    x = np.zeros(3)
+    call = {
+        "periodic": lambda: local.periodic_motions(system, [0.8], load),
+        "history": lambda: local.time_history(system, (x, x), 1.0),
+        "attractors": lambda: local.attractors(system, 0.8, load, [x], [x]),
+    }[kind]
+    with pytest.raises(InvalidRequest, match=message) as refused:
+        call()
+    where = "/system/constraints/0/wall" + ("/0" if pointer else "")
+    assert refused.value.errors[0]["pointer"] == where + pointer

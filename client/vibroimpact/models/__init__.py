@@ -9,12 +9,14 @@ from vibroimpact.models.model import Model
 from vibroimpact.models.nodes import Nodes
 from vibroimpact.models.readers import read_model
 from vibroimpact.models.reduced import Reduction
+from vibroimpact.models.reduced_model import ReducedModel
 from vibroimpact.models.reduction import condense, reduce
 
 __all__ = [
     "Comparison",
     "Model",
     "Nodes",
+    "ReducedModel",
     "Reduction",
     "condense",
     "read_model",

@@ -202,14 +202,18 @@ def compared(
     space = subspace(side, flexible, first, F, alike)
     elastic = Flexibility(small.K, small.M, motions).elastic(T.T @ F)
     C, M, K = (0.5 * (part + part.T) for part in _small(side))
+    lacking = np.zeros((stops.shape[1], F.shape[1]))
+    given = side.structure.get("residual_flexibility")
+    if given is not None:
+        lacking[:, : stops.shape[1]] = given
     motion = None
     if at is not None:
         motion = motion_comparison.compare(side, space, first, load, unit, at, client, options)
     return Comparison(
         Omega,
-        (stops.T @ T) @ responses(M, C, K, T.T @ F, Omega),
+        (stops.T @ T) @ responses(M, C, K, T.T @ F, Omega) + lacking,
         (stops.T @ space.V) @ space.x[: Omega.size],
-        stops.T @ (T @ elastic),
+        stops.T @ (T @ elastic) + lacking,
         stops.T @ everything.elastic(F),
         space.residual[: Omega.size],
         [f"{name} {place}" for name, count in (("stop", stops.shape[1]), ("load", len(load)))

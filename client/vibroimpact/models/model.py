@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -177,10 +177,7 @@ class Model:
         against : int, optional
             Another node: the stop is between both.
         """
-        parts = {direction: 1.0} if isinstance(direction, str) else dict(direction)
-        weights = {self.dof(node, each): float(w) for each, w in parts.items()}
-        if against is not None:
-            weights |= {self.dof(against, each): -float(w) for each, w in parts.items()}
+        weights = self.weights(node, direction, against=against)
         one = len(weights) == 1 and 1.0 in weights.values()
         return constraint(
             next(iter(weights)) if one else None,
@@ -190,6 +187,24 @@ class Model:
             stiffness=stiffness,
             damping=damping,
         )
+
+    def weights(
+        self,
+        node: int,
+        direction: str | Mapping[str, float] = "x",
+        *,
+        against: int | None = None,
+    ) -> dict[int, float]:
+        """Return the weights of the degrees of freedom in a displacement of a node.
+
+        They are what `vibroimpact.drive`, `sampled` and `dashpot` take as `dof`. Arguments are
+        those of `constraint`.
+        """
+        parts = {direction: 1.0} if isinstance(direction, str) else dict(direction)
+        weights = {self.dof(node, each): float(w) for each, w in parts.items()}
+        if against is not None:
+            weights |= {self.dof(against, each): -float(w) for each, w in parts.items()}
+        return weights
 
     def system(
         self,
@@ -209,7 +224,8 @@ class Model:
         if force is not None:
             load = np.zeros(self.n)
             for (node, direction), value in force.items():
-                load[self.dof(node, direction)] = value
+                for dof, weight in self.weights(node, direction).items():
+                    load[dof] += weight * value
         given = None if load is None else load.tolist()
         C = self.C if damping is None else None
         influence = None if base is None else self.influence(base)
@@ -240,7 +256,7 @@ class Model:
             raise ValueError(f"no degree of freedom in direction {direction!r}: there are {known}")
         return moved
 
-    def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Model:
+    def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Self:
         """Return the model with nodes held fixed, in all directions or in some.
 
         Raises
@@ -263,7 +279,7 @@ class Model:
         ]
         return self.part(keep)
 
-    def part(self, keep: Sequence[int]) -> Model:
+    def part(self, keep: Sequence[int]) -> Self:
         """Return the model with some of its degrees of freedom, the others held fixed."""
         rows = np.asarray(keep, dtype=np.int64)
         M, K, C = (

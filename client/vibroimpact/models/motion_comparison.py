@@ -210,7 +210,7 @@ def _of_subspace(side: Side, space: Subspace, first: int) -> dict[str, Any]:
 
 def _structure(side: Side, M: Any, C: Array, K: Any, influence: Array | None) -> dict[str, Any]:
     """Return a structure with other matrices, and the damping as one of them."""
-    left = ("damping", "dashpots", "force")
+    left = ("damping", "dashpots", "force", "residual_flexibility")
     system = {name: value for name, value in side.structure.items() if name not in left}
     system |= {"M": matrix(M), "K": matrix(K)}
     if side.dampers:

@@ -11,6 +11,7 @@ import numpy as np
 from vibroimpact import grids
 from vibroimpact.models.comparison import Comparison, compared
 from vibroimpact.models.model import Model
+from vibroimpact.models.reduced_model import ReducedModel
 from vibroimpact.models.whole_system import Side, base_displacements
 from vibroimpact.sensitivity import Sensitivity
 from vibroimpact.tables import Array
@@ -34,7 +35,7 @@ class Reduction:
 
     Parameters
     ----------
-    model : Model
+    model : ReducedModel
         The reduced model; kept degrees of freedom keep their labels, modes are ``(j, "mode")``,
         motions of rigid bodies with the kept ones at rest before elastic ones.
     T : array, shape (dof, reduced dof)
@@ -57,7 +58,7 @@ class Reduction:
         Motions of rigid bodies of the whole structure, whether or not they move the kept ones.
     """
 
-    model: Model
+    model: ReducedModel
     T: Array
     Omega: Array
     error: Array
@@ -99,7 +100,7 @@ class Reduction:
             part, self.T[:, :n], none, none, self.kept, self.rigid, self.whole, motions
         )
 
-    def compute(self, computation: Callable[[Model], Result]) -> Result:
+    def compute(self, computation: Callable[[ReducedModel], Result]) -> Result:
         """Return a result of the reduced model that says how much it owes to the modes.
 
         Parameters

@@ -32,6 +32,7 @@ from vibroimpact.models.flexibility import (
 )
 from vibroimpact.models.model import Model
 from vibroimpact.models.reduced import Reduction
+from vibroimpact.models.reduced_model import ReducedModel, Whole
 from vibroimpact.models.static_solvers import flexibilities
 from vibroimpact.models.whole_system import base_displacements
 from vibroimpact.tables import Array
@@ -148,8 +149,11 @@ def _reduced(
         each: base_displacements(M, T.T @ (model.M @ moved))
         for each, moved in _influences(model).items()
     }
-    small = Model(M, K, C, labels, model.coordinates, model.units, base=base)
     motions = np.concatenate([R[kept], bodies.T @ (model.M @ R), np.zeros((modes, R.shape[1]))])
+    small = ReducedModel(
+        M, K, C, labels, model.coordinates, model.units,
+        base=base, T=T, whole=Whole(model, R), motions=motions,
+    )  # fmt: skip
     count = max(1, small.n // 2) if compare is None else min(compare, small.n)
     Omega, error = _errors(whole, small, T, motions, definite, count)
     return Reduction(small, T, Omega, error, kept.size, held, model, motions)

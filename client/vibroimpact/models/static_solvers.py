@@ -12,6 +12,14 @@ from vibroimpact.models.model import Model
 from vibroimpact.tables import Array
 
 
+def flexibility(model: Model, R: Array) -> Flexibility:
+    """Return the flexibility of a model with motions R of rigid bodies, shape (dof, rigid)."""
+    factors, none = None, np.zeros(0, dtype=np.int64)
+    if model.n >= cholesky.LARGE:
+        factors = _factors(model, none, R, np.arange(model.n), R)
+    return Flexibility(model.K, model.M, R, _solver(factors, none, None, model.n))
+
+
 def flexibilities(
     model: Model,
     kept: Array,

@@ -83,13 +83,25 @@ def wall(document: Sequence[systems.WallSwing] | systems.WallSamples) -> walls.W
             return walls.Samples(tuple(document.t), tuple(document.y))
         except ModelError as error:
             raise error.under("wall") from None
-    swings = []
+    terms: list[walls.Swing | walls.Turn] = []
     for place, term in enumerate(document):
         try:
-            swings.append(walls.Swing(term.amplitude, term.frequency, term.phase))
+            terms.append(_term(term))
         except ModelError as error:
             raise error.under("wall", place) from None
-    return tuple(swings)
+    return tuple(terms)
+
+
+def _term(document: systems.WallSwing) -> walls.Swing | walls.Turn:
+    frequency, harmonic = document.frequency, document.harmonic
+    if harmonic is not None and frequency is None:
+        return walls.Turn(document.amplitude, harmonic, document.phase)
+    if frequency is not None and harmonic is None:
+        return walls.Swing(document.amplitude, frequency, document.phase)
+    message = (
+        "a term has a frequency or, in periodic motions, a harmonic of the drive: give one of them"
+    )
+    raise ModelError(("frequency",), message, code="missing_frequency")
 
 
 def _influence(of: System, place: int) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -14,6 +15,8 @@ from vibroimpact_solvers.checks import check_indices, check_outputs, check_toler
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear, require
 from vibroimpact_solvers.model import System, within_range
+from vibroimpact_solvers.periodic_motions.frame import Frame
+from vibroimpact_solvers.walls import turns
 
 KIND: Final = "periodic-motions"
 OUTPUTS: Final = ("exists", "extremes", "energy", "stability", "multipliers", "waveform")
@@ -54,10 +57,13 @@ class Force:
 
 
 def harmonic_forces(
-    load: tuple[Force, ...], n: int
+    load: tuple[Force, ...], n: int, others: Iterable[float] = ()
 ) -> tuple[Floats, Integers, NDArray[np.complex128]]:
-    """Return harmonics, their powers of the frequency and their forces, see `Problem.forces`."""
-    harmonics = np.unique([force.harmonic for force in load]).astype(np.float64)
+    """Return harmonics, their powers of the frequency and their forces, see `Problem.forces`.
+
+    Others are harmonics that are there without a force.
+    """
+    harmonics = np.unique([*(force.harmonic for force in load), *others]).astype(np.float64)
     forces = np.zeros((harmonics.size, n), dtype=np.complex128)
     powers = np.zeros(harmonics.size, dtype=np.int64)
     for force in load:
@@ -106,6 +112,8 @@ class Problem:
         Times of the waveform over the period, 0 to 1.
     tolerance : float, optional
         Largest relative error of the impulses; the result tells which solutions meet it.
+    frame : Frame, optional
+        Where displacements are relative to walls that move, see `stops.moving_walls`.
     """
 
     system: System
@@ -119,6 +127,7 @@ class Problem:
     dofs: Integers | None = None
     tau: Floats | None = None
     tolerance: float | None = None
+    frame: Frame | None = None
     output_dofs: Integers = field(init=False)
 
     def __post_init__(self) -> None:
@@ -128,6 +137,7 @@ class Problem:
         object.__setattr__(self, "Omega", np.ascontiguousarray(self.Omega, dtype=np.float64))
         check_outputs(self.outputs, OUTPUTS)
         require(KIND, self.system.constraints)
+        self._check_walls()
         check_tolerance(self.tolerance)
         check_indices("dofs", self.output_dofs, self.system.n)
         self._check_frequencies()
@@ -148,12 +158,20 @@ class Problem:
     def searched(self) -> bool:
         """Whether solutions are looked for from many starts, of which none is proved to miss."""
         if self.stopped:
-            return len(self.impacts) > 1 or len(self._harmonics) > 1
+            return len(self.impacts) > 1 or len(self.harmonics) > 1
         return len(self.impacts) > 1
 
     @property
-    def _harmonics(self) -> set[int]:
-        return {force.harmonic for force in self.load if force.amplitude != 0.0}
+    def moving(self) -> bool:
+        """Whether walls move."""
+        return any(constraint.wall for constraint in self.system.constraints)
+
+    @property
+    def harmonics(self) -> set[int]:
+        """Harmonics of the load, and of walls."""
+        walls = (constraint.wall for constraint in self.system.constraints)
+        moved = {term.harmonic for wall in walls for term in turns(wall)}
+        return moved | {force.harmonic for force in self.load if force.amplitude != 0.0}
 
     @property
     def symmetric(self) -> bool:
@@ -170,14 +188,15 @@ class Problem:
     @property
     def turn(self) -> float:
         """Phase of the drive after which the load repeats itself, rad: motions may begin later."""
-        return 2.0 * math.pi / max(1, math.gcd(*(force.harmonic for force in self.load)))
+        return 2.0 * math.pi / max(1, math.gcd(*self.harmonics))
 
     def forces(self) -> tuple[Floats, Integers, NDArray[np.complex128]]:
         """Return the harmonics of the load, its powers of the frequency, and amplitudes of forces.
 
         The latter have the shape (harmonic, dof); forces of one harmonic have one power.
         """
-        return harmonic_forces(self.load, self.system.n)
+        others = () if self.frame is None else self.frame.harmonics
+        return harmonic_forces(self.load, self.system.n, others)
 
     def slice(self, start: int, stop: int) -> Problem:
         """Return the problem of some of the frequencies."""
@@ -232,6 +251,17 @@ class Problem:
             forces[dof] = weight
         self.system.check_load(forces, ("load", index, "dof"))
 
+    def _check_walls(self) -> None:
+        """Refuse walls that move where stops are rigid, or beside what has no mass."""
+        for index, constraint in enumerate(self.system.constraints):
+            where = ("system", "constraints", index, "wall")
+            if constraint.wall and constraint.law.rigid:
+                message = f"walls move with linear stops only; constraint {index} is rigid"
+                raise ModelError(where, message, code="not_possible")
+            if constraint.wall and self.system.massless.size:
+                message = "walls that move are computed where all degrees of freedom have mass"
+                raise ModelError(where, message, code="not_possible")
+
     def _check_stops(self) -> None:
         """Refuse what is not computed with stops of finite stiffness."""
         constraints = self.system.constraints
@@ -239,13 +269,13 @@ class Problem:
         if rigid is not None:
             message = "rigid stops beside stops of finite stiffness are not computed yet"
             raise ModelError(("system", "constraints", rigid), message, code="not_possible")
-        if not self._harmonics:
+        if not self.harmonics:
             message = "motions with linear stops are computed for driven structures: no load acts"
             raise ModelError(("load",), message, code="not_possible")
-        if self.symmetric and len(self._harmonics) > 1:
+        if self.symmetric and len(self.harmonics) > 1:
             message = (
                 "symmetric motions with linear stops are computed for loads of one harmonic: this "
-                f"one has {len(self._harmonics)}"
+                f"one has {len(self.harmonics)}"
             )
             raise ModelError(("load",), message, code="not_possible")
         for impact in self.impacts:
@@ -295,9 +325,9 @@ class Problem:
         if system.loaded:
             message = "symmetric motions need a structure without a constant load"
             raise ModelError(("sequence",), message, code="not_symmetric")
-        if any(force.harmonic * self.periods % 2 == 0 for force in self.load):
+        if any(harmonic * self.periods % 2 == 0 for harmonic in self.harmonics):
             message = (
-                "symmetric motions need a load that changes sign after half a period: odd "
+                "symmetric motions need a load and walls that change sign after half a period: odd "
                 "harmonics and an odd number of periods"
             )
             raise ModelError(("sequence",), message, code="not_symmetric")

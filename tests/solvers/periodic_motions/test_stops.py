@@ -18,7 +18,7 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.periodic_motions.stops import search
-from vibroimpact_solvers.periodic_motions.stops.along import Part
+from vibroimpact_solvers.periodic_motions.stops.parts import Part
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.search import Search

@@ -180,7 +180,7 @@ def test_numbers_of_walls_are_checked(make: Callable[[], Any], words: str) -> No
         make()
 
 
-@pytest.mark.parametrize("kind", ["periodic-motions", "attractors", "ensemble", "impact-modes"])
+@pytest.mark.parametrize("kind", ["branches", "attractors", "ensemble", "impact-modes"])
 def test_other_kinds_refuse_them(kind: str) -> None:
     stop = Constraint((0,), (1.0,), 0.1, 0.1, law=Linear(3.0), wall=(Swing(0.1, 1.0),))
     with pytest.raises(ModelError, match="walls at rest"):

@@ -11,10 +11,10 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
 from vibroimpact_solvers.periodic_motions.columns import multiplier_columns
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.stops.along import Part, parts
 from vibroimpact_solvers.periodic_motions.stops.existence import verdicts
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.multipliers import multipliers
+from vibroimpact_solvers.periodic_motions.stops.parts import Part, parts
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Stop
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
@@ -196,6 +196,11 @@ def set_energy(columns: Columns, k: int, phases: Phases | Scenes, part: Part) ->
     n = u.size
     off = part.error_of(side.basis.displacement(side.vectors).reshape(n, -1))
     fast = scale * part.error_of(side.basis.velocity(side.vectors).reshape(n, -1))
+    if part.frame is not None:
+        shift = phases.stopped.modal(part.frame.shift)
+        speeds, now = 1j * scale * part.rates[:, np.newaxis] * shift, np.zeros(1)
+        u, v = u + part.carried(now, shift)[0], v + part.carried(now, speeds)[0]
+        off, fast = off + part.carried_error(shift), fast + part.carried_error(speeds)
     columns["solution_energy"][k] = 0.5 * float(u**2 @ stiffness + v @ v)
     error = np.abs(u * stiffness) @ off + np.abs(v) @ fast + 0.5 * u**2 @ modes.errors
     sizes = 0.5 * float(u**2 @ np.abs(stiffness) + v @ v)
@@ -203,8 +208,10 @@ def set_energy(columns: Columns, k: int, phases: Phases | Scenes, part: Part) ->
 
 
 def add_contact_loss(columns: Columns, k: int, row: Columns, times: float = 1.0) -> None:
-    """Add what the contact loses, and let work and loss tell how far the other may be off."""
+    """Add the wall's work and what the contact loses; each sum tells how far the other is off."""
     columns["solution_energy_lost"][k] += times * row["energy_lost"]
+    columns["solution_work"][k] += times * row["wall_work"]
+    columns["error_work"][k] += times * row["error_wall_work"]
     lost_error = columns["error_energy_lost"][k] + times * row["error_energy_lost"]
     work_error = columns["error_work"][k]
     apart = abs(columns["solution_work"][k] - columns["solution_energy_lost"][k])
@@ -236,8 +243,13 @@ def set_waveforms(
             here = (since >= begin) & (np.full(since.shape, last) | (since < begin + part.length))
             form, still = forms_of(part.side, dofs)
             x = part.states(since[here] - begin) @ form.T + still
+            off = part.error_of(form) + 4.0 * EPS * np.abs(still)
+            if part.frame is not None:
+                shift = part.frame.shift[:, dofs]
+                x += part.carried(since[here] - begin, shift)
+                off += part.carried_error(shift)
             columns["waveform"][k, here] = np.where(late[here], -1.0, 1.0)[:, np.newaxis] * x
-            error = np.maximum(error, part.error_of(form) + 4.0 * EPS * np.abs(still))
+            error = np.maximum(error, off)
             begin += part.length
         columns["error_waveform"][k, 0] = error
 
@@ -274,11 +286,13 @@ def _contact(
     dent_error = total.indentation_error * (abs(dents[1]) + abs(dents[0])) * phases.stiffness
     phase, phase_error = float(solved.phase[k]), float(solved.phase_error[k])
     ends = float(solved.d_error[k] + solved.phase_error[k] / Omega)
+    work_error = total.wall_work_error + total.peak_force * ends * every[0].wall_speed(a)
     return {
         "constraint": a, "side": side, "phase": phase, "time": phase / (Omega * scale),
         "duration": float(solved.d[k]) / scale, "impulse": total.impulse,
         "peak_force": total.peak_force, "velocity": velocity, "indentation": total.indentation,
-        "start_indentation": dents[0], "energy_lost": lost,
+        "start_indentation": dents[0], "energy_lost": lost, "wall_work": total.wall_work,
+        "error_wall_work": work_error,
         "error_phase": phase_error + 2.0 * EPS * phase,
         "error_time": (phase_error + 4.0 * EPS * phase) / (Omega * scale),
         "error_duration": (float(solved.d_error[k]) + 4.0 * EPS * float(solved.d[k])) / scale,
@@ -295,12 +309,14 @@ def held_row(stop: Stop, length: float, scale: float, total: Sums | None) -> Col
     row: Columns = dict.fromkeys(_CONTACT, math.nan)
     row |= {f"error_{name}": math.inf for name in _CONTACT}
     row |= {"constraint": stop.impact.constraint, "side": stop.impact.side}
-    row |= {"duration": T, "error_duration": 2.0 * EPS * T}
+    row |= {"duration": T, "error_duration": 2.0 * EPS * T, "wall_work": 0.0}
+    row |= {"error_wall_work": 0.0}
     row |= {"phase": 0.0, "time": 0.0, "error_phase": 0.0, "error_time": 0.0}
     if total is not None:
         row |= {
             "impulse": total.impulse, "peak_force": total.peak_force,
             "indentation": total.indentation, "energy_lost": c * total.rubbed,
+            "wall_work": total.wall_work, "error_wall_work": total.wall_work_error,
             "error_impulse": total.impulse_error, "error_peak_force": total.force_error,
             "error_indentation": total.indentation_error,
             "error_energy_lost": c * total.rubbed_error + 16.0 * EPS * c * total.rubbed,

@@ -11,8 +11,8 @@ from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.limit_check import BEYOND, KEPT, LOWER, PASSED, UPPER
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.stops.along import Part
 from vibroimpact_solvers.periodic_motions.stops.existence import Leg, check, walls_of
+from vibroimpact_solvers.periodic_motions.stops.parts import Part
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.results.impact_modes import Reason
@@ -59,7 +59,7 @@ class Linear:
         rates = self.cells.Omega[f] * self.phases.harmonics
         return Part(
             self.side, state, self.steady[f], rates, self.cells.factor[f].astype(np.complex128),
-            float(self.cells.length[f]), error,
+            float(self.cells.length[f]), error, self.phases.frame,
         )  # fmt: skip
 
     def verdicts(self) -> Verdicts:

@@ -13,14 +13,18 @@ from vibroimpact_solvers.periodic_motions.columns import multiplier_columns
 from vibroimpact_solvers.periodic_motions.existence import Verdicts
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns as tables
-from vibroimpact_solvers.periodic_motions.stops.along import Part, Samples
 from vibroimpact_solvers.periodic_motions.stops.orbit_errors import Errors, errors, multipliers
 from vibroimpact_solvers.periodic_motions.stops.orbit_existence import verdict
 from vibroimpact_solvers.periodic_motions.stops.orbits import Kind, Orbit
+from vibroimpact_solvers.periodic_motions.stops.parts import Part
+from vibroimpact_solvers.periodic_motions.stops.samples import Samples
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.periodic_motions.stops.sums import Sums, of_force, set_forces, sums
 
 Columns = dict[str, Any]
+_ADDED = (
+    "impulse", "rubbed", "wall_work", "impulse_error", "rubbed_error", "wall_work_error",
+)  # fmt: skip
 
 
 class Checked(NamedTuple):
@@ -63,7 +67,7 @@ def of(problem: Problem, scenes: Scenes, motions: list[tuple[int, Checked]]) -> 
             tables.set_energy(columns, k, scenes, every[k][0])
             loss = {
                 name: float(sum(row[name] for row in rows[k]))
-                for name in ("energy_lost", "error_energy_lost")
+                for name in ("energy_lost", "wall_work", "error_energy_lost", "error_wall_work")
             }
             tables.add_contact_loss(columns, k, loss)
     if "waveform" in problem.outputs:
@@ -87,12 +91,13 @@ def _verdicts(motions: list[tuple[int, Checked]]) -> Verdicts:
 
 def parts(one: Orbit, off: Errors) -> tuple[Part, ...]:
     """Return the parts of a motion in which one structure moves."""
-    cell, every = one.cell, list[Part]()
+    cell, frame, every = one.cell, one.cell.scenes.frame, list[Part]()
     for k, loaded in enumerate(one.scenes):
         turned = cell.turned(float(one.starts[k]))
         every.append(Part(
             one.side(k), one.states[k], cell.steady(loaded) * turned[:, np.newaxis], cell.rates,
             turned * cell.factor, float(one.lengths[k]), off.states[k],
+            None if frame is None else frame.at(turned),
         ))  # fmt: skip
     return tuple(every)
 
@@ -120,7 +125,7 @@ def _forces(one: Orbit, every: tuple[Part, ...], which: Iterable[int], a: int, s
         set_forces(stop, scenes.scale, Samples.of(part, of_force(stop, watching)), own)
         for name in ("peak_force", "indentation", "force_error", "indentation_error"):
             setattr(total, name, max(getattr(total, name), getattr(own, name)))
-        for name in ("impulse", "rubbed", "impulse_error", "rubbed_error"):
+        for name in _ADDED:
             setattr(total, name, getattr(total, name) + getattr(own, name))
     return total
 
@@ -150,6 +155,7 @@ def _row(one: Orbit, off: Errors, every: tuple[Part, ...], k: int) -> Columns:
     if switching.kind is Kind.REGAINED:
         start_error = float(both[1]) + 8.0 * EPS * (abs(float(side.level[a])) + abs(stop.wall))
     late, early = float(off.times[k]), float(off.times[end])
+    work_error = total.wall_work_error + total.peak_force * (late + early) * begun.wall_speed(a)
     Omega, length = one.cell.Omega, one.cell.length
     shown = float(np.mod(time, length))
     phase = float(np.mod(Omega * time, 2.0 * np.pi))
@@ -157,7 +163,8 @@ def _row(one: Orbit, off: Errors, every: tuple[Part, ...], k: int) -> Columns:
         "constraint": a, "side": sign, "phase": phase, "time": shown / scale,
         "duration": duration / scale, "impulse": total.impulse, "peak_force": total.peak_force,
         "velocity": velocity, "indentation": total.indentation, "start_indentation": dents[0],
-        "energy_lost": lost,
+        "energy_lost": lost, "wall_work": total.wall_work,
+        "error_wall_work": work_error,
         "error_phase": Omega * late + 4.0 * EPS * Omega * length,
         "error_time": (late + 4.0 * EPS * length) / scale,
         "error_duration": (late + early + 4.0 * EPS * length) / scale,

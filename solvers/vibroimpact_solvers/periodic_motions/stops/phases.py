@@ -15,11 +15,15 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.meter import look
+from vibroimpact_solvers.periodic_motions.frame import Frame
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.stops.modes import Placed, StoppedModes
 from vibroimpact_solvers.time_history.structure import Structure
+
+Load = tuple[Floats, Integers, Complexes]
+"""Harmonics, powers of the frequency and amplitudes of forces, as of `Problem.forces`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -131,6 +135,8 @@ class Phases:
     powers : array of int, shape (harmonic,)
     carried : float
         Norm of `to_loaded`.
+    frame : Frame, optional
+        Of the same harmonics, where displacements are relative to walls that move.
     """
 
     stopped: StoppedModes
@@ -147,6 +153,7 @@ class Phases:
     harmonics: Floats
     powers: Integers
     carried: float
+    frame: Frame | None
 
     @property
     def scale(self) -> float:
@@ -171,9 +178,7 @@ class Phases:
         structure = Structure.of(problem.system, method, 2.0 * math.pi / float(problem.Omega[0]))
         stopped = StoppedModes(structure)
         side = ((impact.constraint, impact.side),)
-        harmonics, powers, forces = problem.forces()
-        some = forces.any(axis=1)
-        harmonics, powers, forces = harmonics[some], powers[some], forces[some]
+        harmonics, powers, forces, frame = acting(problem.forces(), problem.frame)
         placed = stopped.placed(()), stopped.placed(side)
         check_borne(stopped)
         open_side = side_of(stopped, placed[0], impact, forces, loaded=False)
@@ -185,8 +190,18 @@ class Phases:
             stopped, impact, float(stopped.stiffness[a]),
             float(stopped.damping[a]) * stopped.scale, stopped.wall(a, impact.side), open_side,
             loaded, to_loaded, to_open, offset, forces, harmonics, powers,
-            float(np.linalg.norm(to_loaded, 2)),
+            float(np.linalg.norm(to_loaded, 2)), frame,
         )  # fmt: skip
+
+
+def acting(load: Load, frame: Frame | None) -> tuple[*Load, Frame | None]:
+    """Return the harmonics that act of a load, and of a frame."""
+    harmonics, powers, forces = load
+    some = forces.any(axis=1)
+    if frame is not None:
+        some |= frame.some
+        frame = frame.part(some)
+    return harmonics[some], powers[some], forces[some], frame
 
 
 def check_borne(stopped: StoppedModes) -> None:

@@ -79,10 +79,15 @@ def _search(problem: Problem, rows: float) -> Step:
     reason = (
         f"{what} per period{why}: the times of all switchings by Newton's method, from random "
         f"phases and from {HISTORIES} time histories of {periods:.0f} periods of the drive, which "
-        "may miss a motion"
+        f"may miss a motion{_relative(problem)}"
     )
     written = _SOLUTION * rows + _CONTACT * m * rows
     return Step(Stage.IMPULSE, Method.SEARCH, reason, flops, written, bounded=False)
+
+
+def _relative(problem: Problem) -> str:
+    """Return what a reason says of walls that move."""
+    return "; relative to the walls, which move with the drive" if problem.moving else ""
 
 
 def _isolation(problem: Problem, turns: float) -> Step:
@@ -101,6 +106,7 @@ def _isolation(problem: Problem, turns: float) -> Step:
     reason = f"one contact in {cell}: all durations are roots of one equation, isolated with bounds"
     if not whole:
         reason += "; fast modes make that long, so that some may be missed"
+    reason += _relative(problem)
     written = _SOLUTION * rows + _CONTACT * contacts
     return Step(Stage.IMPULSE, Method.ISOLATION, reason, flops, written, bounded=False)
 

@@ -12,13 +12,16 @@ from dataclasses import replace
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import System
+from vibroimpact_solvers.periodic_motions.frame import Frame
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Impact
 from vibroimpact_solvers.periodic_motions.stops.phases import (
+    Load,
     Side,
     Stop,
+    acting,
     check_borne,
     passage_of,
     side_of,
@@ -28,8 +31,6 @@ from vibroimpact_solvers.time_history.structure import Structure
 
 Loaded = tuple[tuple[int, int], ...]
 """Constraints whose stops are loaded, ascending, and their sides."""
-Load = tuple[Floats, Integers, Complexes]
-"""Harmonics, powers of the frequency and amplitudes of forces, as of `problem.Problem.forces`."""
 
 
 class Scenes:
@@ -42,13 +43,16 @@ class Scenes:
     longest : float
         The longest period of the drive.
     method : spectrum.Method
+    frame : Frame, optional
+        Where displacements are relative to walls that move.
     """
 
-    def __init__(self, system: System, load: Load, longest: float, method: spectrum.Method) -> None:
+    def __init__(
+        self, system: System, load: Load, longest: float, method: spectrum.Method,
+        frame: Frame | None = None,
+    ) -> None:  # fmt: skip
         self.stopped = StoppedModes(Structure.of(system, method, longest))
-        harmonics, powers, forces = load
-        some = forces.any(axis=1)
-        self.harmonics, self.powers, self.forces = harmonics[some], powers[some], forces[some]
+        self.harmonics, self.powers, self.forces, self.frame = acting(load, frame)
         self._sides: dict[Loaded, Side] = {}
         self._watching: dict[tuple[Loaded, int, int], Side] = {}
         self._passages: dict[tuple[Loaded, Loaded], tuple[Floats, Floats]] = {}

@@ -13,6 +13,7 @@ from vibroimpact_solvers.periodic_motions.columns import merged, result_of
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns, orbit_columns, sequences
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
+from vibroimpact_solvers.periodic_motions.stops.moving_walls import at_rest
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
@@ -31,6 +32,9 @@ _TOGETHER: Final = 16  # frequencies
 
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> list[Result]:
     """Return the results of ranges of frequencies."""
+    if problem.moving:
+        each = batches(problem.Omega.size, 1, tick)
+        return [solve(at_rest(problem.slice(*one)), plan)[0] for one in each]
     step = plan.step(Stage.SPECTRUM)
     assert step is not None
     if problem.searched:
@@ -46,7 +50,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> list[Result
 def _searched(problem: Problem, method: spectrum.Method, tick: Tick | None) -> list[Result]:
     """Return the results of all frequencies, each begun with the solutions of the one before."""
     longest = 2.0 * math.pi / float(problem.Omega[0])
-    scenes = Scenes(problem.system, problem.forces(), longest, method)
+    scenes = Scenes(problem.system, problem.forces(), longest, method, problem.frame)
     each, results = sequences.solutions(problem, scenes), list[Result]()
     for first, last in batches(problem.Omega.size, 1, tick):
         motions = [(0, one) for one in next(each)]

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.stops.along import Part, Samples
+from vibroimpact_solvers.periodic_motions.stops.parts import ROUNDED, Part
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side, Stop
+from vibroimpact_solvers.periodic_motions.stops.samples import Samples
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
-
-_ROUNDED: Final = 8.0
 
 
 @dataclass(eq=False, slots=True)
@@ -29,6 +27,8 @@ class Sums:
         Work of the load, losses by the structure's damping, integral of the power's modulus.
     peak_force, indentation, impulse, rubbed : float
         Of the contact phase; rubbed is the integral of the squared rate of the indentation.
+    wall_work : float
+        Work of the wall in the contact phase.
     x_error : array, shape (dof,)
     rms_error : array, shape (dof,)
         Integrals of errors of squares.
@@ -53,6 +53,8 @@ class Sums:
     indentation_error: float = 0.0
     impulse_error: float = 0.0
     rubbed_error: float = 0.0
+    wall_work: float = 0.0
+    wall_work_error: float = 0.0
 
     @classmethod
     def nothing(cls, dofs: int) -> Sums:
@@ -115,40 +117,51 @@ def of_force(stop: Stop, side: Side) -> Floats:
 
 def _add_extremes(samples: Samples, dofs: Integers, total: Sums) -> None:
     """Add the extremes and the mean squares of displacements along a part."""
-    form, still = forms_of(samples.part.side, dofs)
-    weights, x = samples.nodes.weights, samples.states @ form.T + still
-    ripple = samples.ripple(form)
-    total.squares += weights @ x**2
+    part, nodes = samples.part, samples.nodes
+    form, still = forms_of(part.side, dofs)
+    x, ripple = samples.states @ form.T + still, samples.ripple(form)
+    error = part.error_of(form) + ROUNDED * EPS * np.abs(still)
+    shift = np.zeros((part.rates.size, dofs.size), dtype=np.complex128)
+    if part.frame is not None:
+        shift = part.frame.shift[:, dofs]
+        x += part.carried(nodes.times, shift)
+        error += part.carried_error(shift)
+    total.squares += nodes.weights @ x**2
     both = samples.peaks(
         np.concatenate([form, -form]),
         np.concatenate([still, -still]),
         np.concatenate([x, -x], axis=1),
+        np.concatenate([shift, -shift], axis=1),
     )
-    highest, lowest = both[: still.size], -both[still.size :]
+    highest, lowest = both[: dofs.size], -both[dofs.size :]
     total.highest = np.maximum(total.highest, highest)
     total.lowest = np.minimum(total.lowest, lowest)
-    error = samples.part.error_of(form) + _ROUNDED * EPS * np.abs(still)
-    if samples.nodes.left.size:
+    if nodes.left.size:
         beyond = np.maximum(x - highest, lowest - x) + 2.0 * ripple
         error = np.maximum(error, beyond.max(axis=0))
     total.x_error = np.maximum(total.x_error, error)
-    total.rms_error += weights @ (ripple * (2.0 * np.abs(x) + ripple))
+    total.rms_error += nodes.weights @ (ripple * (2.0 * np.abs(x) + ripple))
 
 
 def _add_energies(structure: Phases | Scenes, samples: Samples, total: Sums) -> None:
     """Add the work of the load and what damping of the structure dissipates."""
     part, nodes = samples.part, samples.nodes
-    side, scale = part.side, structure.scale
-    free = structure.stopped.placed(()).basis.modes
-    forces = structure.forces @ free.shapes  # modal, of the open structure
-    pushed, modal = forces * part.turned[:, np.newaxis], _rates(side)
+    side, stopped, scale = part.side, structure.stopped, structure.scale
+    free, modal = stopped.placed(()).basis.modes, _rates(side)
+    # modal, of the open structure
+    pushed = (structure.forces @ free.shapes) * part.turned[:, np.newaxis]
     weights, flow = nodes.weights / scale, np.exp(1j * nodes.times[:, np.newaxis] * part.rates)
     _, rate = side.coordinates_of(samples.states)
     v = scale * (rate @ side.vectors.T)
+    off = scale * (part.error_of(modal) + samples.ripple(modal)) @ np.abs(side.vectors).T
+    if part.frame is not None:
+        pushed = part.frame.forces @ free.shapes
+        speeds = 1j * scale * part.rates[:, np.newaxis] * stopped.modal(part.frame.shift)
+        v += part.carried(nodes.times, speeds)
+        off += part.carried_error(speeds)
     load = (flow @ pushed).real
     total.work += float(weights @ (load * v).sum(axis=1))
     total.flow += float(weights @ (np.abs(load) * np.abs(v)).sum(axis=1))
-    off = scale * (part.error_of(modal) + samples.ripple(modal)) @ np.abs(side.vectors).T
     total.work_error += float(weights @ (np.abs(load) * off).sum(axis=1))
     if free.damping is not None and free.damping.size:
         dragged = v @ free.damping
@@ -160,12 +173,12 @@ def _add_energies(structure: Phases | Scenes, samples: Samples, total: Sums) -> 
 def set_forces(stop: Stop, scale: float, samples: Samples, total: Sums) -> None:
     """Sum up the force of a stop along a part, whose side has the form of this force."""
     part, weights = samples.part, samples.nodes.weights / scale
-    side, k, a = part.side, stop.stiffness, stop.impact.constraint
+    side, k, a, sign = part.side, stop.stiffness, stop.impact.constraint, stop.impact.side
     forms = of_force(stop, side)
-    still = side.force_level / k if k > 0.0 else stop.impact.side * side.level[a] - stop.wall
+    still = side.force_level / k if k > 0.0 else sign * side.level[a] - stop.wall
     levels = np.array([side.force_level, still, 0.0])
     off, ripple = part.error_of(forms), samples.ripple(forms)
-    errors = off[:2] + _ROUNDED * EPS * np.array([side.force_size, abs(still)])
+    errors = off[:2] + ROUNDED * EPS * np.array([side.force_size, abs(still)])
     steady_error = float(errors[0])
     values = samples.states @ forms.T + levels
     seen, speed = values[:, :2], values[:, 2]
@@ -174,6 +187,13 @@ def set_forces(stop: Stop, scale: float, samples: Samples, total: Sums) -> None:
         errors = np.maximum(errors, (seen - best + 2.0 * ripple[:, :2]).max(axis=0))
     total.peak_force, total.indentation = (float(value) for value in best)
     total.impulse = float(weights @ seen[:, 0])
+    if part.frame is not None:
+        times = samples.nodes.times
+        wall = part.carried(times, 1j * scale * part.rates * part.frame.walls[:, a])
+        power = -sign * seen[:, 0] * wall  # the stop pushes the structure by -sign F
+        total.wall_work = float(weights @ power)
+        doubt = (errors[0] + ripple[:, 0]) * np.abs(wall) + 16.0 * EPS * np.abs(power)
+        total.wall_work_error = float(weights @ doubt)
     v, fast = scale * speed, scale * (float(off[2]) + ripple[:, 2])
     total.rubbed = float(weights @ v**2)
     total.rubbed_error = float(weights @ ((2.0 * np.abs(v) + fast) * fast))

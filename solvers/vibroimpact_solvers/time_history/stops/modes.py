@@ -153,6 +153,10 @@ class StoppedModes:
         """Whether a stop has any force."""
         return bool(self.stiffness[constraint] > 0.0 or self.damping[constraint] > 0.0)
 
+    def modal(self, x: Any) -> Any:
+        """Return displacements (…, dof) in coordinates of the open structure's modes."""
+        return x @ (self.system.M @ self.shapes)
+
     def wall(self, constraint: int, side: int) -> float:
         """Return the distance of a wall from the zero of its coordinate."""
         return float(self.walls[1 if side > 0 else 0, constraint])

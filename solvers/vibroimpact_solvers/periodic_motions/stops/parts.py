@@ -1,4 +1,4 @@
-"""Parts of solutions in which one structure moves, at the nodes of a quadrature."""
+"""Parts of solutions in which one structure moves: their states, errors and quadratures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.periodic_motions.frame import Frame
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.stops import prescribed
 from vibroimpact_solvers.periodic_motions.stops.phases import Phases, Side
@@ -21,12 +22,10 @@ _TURN: Final = 2.0  # radians of what turns fastest in a panel
 _SILENT: Final = 1e-15  # of a form, what needs no nodes
 _NUMBERS: Final = 2**16  # nodes times pairs, at most
 _LEAST: Final = 500  # nodes that are always allowed
-_LONG: Final = 300.0  # exponents whose exponentials are numbers
-_CLOSE: Final = 2e-3
-"""Part of a form's range by which parabolas through nodes, a quarter of a radian apart, are off."""
-_NEWTON: Final = 6
-_STILL: Final = 1e-8  # of the way between nodes, whose square is below rounding
-_ROUNDED: Final = 8.0
+LONG: Final = 300.0
+"""Exponent whose exponential is a number, and its inverse, too."""
+ROUNDED: Final = 8.0
+"""Roundings of a sum."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,6 +59,8 @@ class Part:
     length : float
     error : array, shape (pair,)
         Of the state.
+    frame : Frame, optional
+        Of what moves with the walls, with the drive's phase at the beginning.
     """
 
     side: Side
@@ -69,6 +70,21 @@ class Part:
     turned: Complexes
     length: float
     error: Floats
+    frame: Frame | None = None
+
+    def carried(self, times: Floats, amplitudes: Complexes) -> Floats:
+        """Return what has these amplitudes at the beginning, shape (harmonic, …), at times."""
+        return np.asarray((np.exp(1j * times[:, np.newaxis] * self.rates) @ amplitudes).real)
+
+    def carried_error(self, amplitudes: Complexes) -> Floats:
+        """Return roundings of what is carried."""
+        return np.asarray(EPS * (ROUNDED + 2.0 * self.length * self.rates) @ np.abs(amplitudes))
+
+    def wall_speed(self, constraint: int) -> float:
+        """Return a bound of the velocity of a wall, by the basis' time."""
+        if self.frame is None:
+            return 0.0
+        return float(self.rates @ np.abs(self.frame.walls[:, constraint]))
 
     def states(self, times: Floats) -> Floats:
         """Return whole states, with the steady response, at times, (time, 2 pair)."""
@@ -96,7 +112,7 @@ class Part:
         """
         n, growth, rate = self.side.size, self.side.growth, self.side.rate
         sizes = lengths(form) * np.hypot(self.state[:n], self.state[n:])
-        grown = sizes * np.exp(np.clip(growth * self.length, 0.0, _LONG))
+        grown = sizes * np.exp(np.clip(growth * self.length, 0.0, LONG))
         steady = np.abs(self.steady).sum(axis=0)
         whole = grown.sum(axis=1) + lengths(form) @ np.hypot(steady[:n], steady[n:])
         share = (grown / np.maximum(whole, 1e-300)[:, np.newaxis]).max(axis=0)
@@ -147,13 +163,12 @@ class Part:
         growth = np.maximum(self.side.growth * self.length, 0.0)
         error = self.error * np.exp(np.minimum(growth, 700.0))
         sizes = np.abs(self.state) + np.abs(self.steady).sum(axis=0)
-        rounded = self.side.shape_error + _ROUNDED * EPS
+        rounded = self.side.shape_error + ROUNDED * EPS
         late = (
             2.0 * EPS * self.length * (np.abs(form) @ (np.abs(self.steady).T * self.rates).sum(1))
         )
-        return np.asarray(
-            np.sqrt(lengths(form) ** 2 @ error**2) + rounded * np.abs(form) @ sizes + late
-        )
+        spread = np.sqrt(lengths(form) ** 2 @ error**2)
+        return np.asarray(spread + rounded * np.abs(form) @ sizes + late)
 
     @classmethod
     def at_entry(cls, phases: Phases, cells: Cells, solved: Solutions, k: int) -> Part:
@@ -163,6 +178,7 @@ class Part:
         return cls(
             phases.open, solved.entry[k], cells.opened[f] * turned[:, np.newaxis],
             cells.Omega[f] * phases.harmonics, turned, 0.0, solved.left_error[k],
+            None if phases.frame is None else phases.frame.at(turned),
         )  # fmt: skip
 
 
@@ -175,7 +191,8 @@ def parts(phases: Phases, cells: Cells, solved: Solutions, k: int) -> tuple[Part
              error: Floats) -> Part:  # fmt: skip
         turned = np.exp(1j * (solved.phase[k] * phases.harmonics + rates * since))
         own = steady[f] * turned[:, np.newaxis]
-        return Part(side, state, own, rates, turned * cells.factor[f], length, error)
+        frame = None if phases.frame is None else phases.frame.at(turned)
+        return Part(side, state, own, rates, turned * cells.factor[f], length, error, frame)
 
     d, rest = float(solved.d[k]), float(solved.rest[k])
     return (
@@ -184,91 +201,7 @@ def parts(phases: Phases, cells: Cells, solved: Solutions, k: int) -> tuple[Part
     )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Samples:
-    """A part at the nodes of a quadrature.
-
-    Parameters
-    ----------
-    part : Part
-    nodes : Nodes
-    states : array, shape (time, 2 pair)
-        Whole, with the steady response.
-    """
-
-    part: Part
-    nodes: Nodes
-    states: Floats
-
-    @classmethod
-    def of(cls, part: Part, form: Floats) -> Samples:
-        """Return a part at nodes that are enough for forms (form, 2 pair)."""
-        nodes = part.nodes(form)
-        return cls(part, nodes, part.states(nodes.times))
-
-    def ripple(self, form: Floats) -> Floats:
-        """Return the sizes of what the nodes leave out of forms, (time, form)."""
-        part, left, n = self.part, self.nodes.left, self.part.side.size
-        sizes = np.hypot(part.state[left], part.state[left + n])
-        times = self.nodes.times[:, np.newaxis]
-        decay = np.exp(np.clip(times * part.side.growth[left], -_LONG, _LONG))
-        return np.asarray((decay * sizes) @ lengths(form)[:, left].T)
-
-    def peaks(self, form: Floats, level: Floats, seen: Floats) -> Floats:
-        """Return the largest values of forms, seen at the nodes (time, form) as they are, (form,).
-
-        Newton's method climbs all peaks between nodes that may be the highest.
-        """
-        part, values = self.part, np.ascontiguousarray(seen.T)
-        best = values.max(axis=1)
-        which, place, at = _climbed(self.nodes.times, values)
-        times = self.nodes.times
-        first, last = times[np.maximum(place - 1, 0)], times[np.minimum(place + 1, times.size - 1)]
-        form, level = form[which], level[which]
-        slope = prescribed.drift(part.side, np.arange(form.shape[1]), form, form=True)
-        # The steady response turns at its own rates: its second derivative is not the form's.
-        rates = 1j * part.rates[:, np.newaxis]
-        more = (rates * (rates * (part.steady @ form.T) - part.steady @ slope.T)).T
-        for _ in range(_NEWTON):
-            state, moved = part.both(at)
-            np.fmax.at(best, which, (state * form).sum(axis=1) + level)
-            turned = np.exp(1j * at[:, np.newaxis] * part.rates)
-            bend = (moved * slope).sum(axis=1) + (turned * more).real.sum(axis=1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                way = np.where(bend < 0.0, -(moved * form).sum(axis=1) / bend, 0.0)
-            before, at = at, np.clip(at + np.where(np.isfinite(way), way, 0.0), first, last)
-            if not (np.abs(at - before) > _STILL * (last - first)).any():
-                break
-        return np.asarray(best)
-
-
 def lengths(form: Floats) -> Floats:
     """Return the lengths of forms (form, 2 pair) in each pair, (form, pair)."""
     n = form.shape[1] // 2
     return np.asarray(np.hypot(form[:, :n], form[:, n:]))
-
-
-def _climbed(times: Floats, values: Floats) -> tuple[Integers, Integers, Floats]:
-    """Return the forms and nodes of peaks that may be the highest, and about where they are."""
-    highest: Booleans = np.ones(values.shape, dtype=bool)
-    highest[:, 1:] &= values[:, 1:] > values[:, :-1]
-    highest[:, :-1] &= values[:, :-1] >= values[:, 1:]
-    which, place = np.nonzero(highest)
-    before, after = np.maximum(place - 1, 0), np.minimum(place + 1, times.size - 1)
-    value, since, until = (
-        values[which, place],
-        times[place] - times[before],
-        times[after] - times[place],
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rise = (value - values[which, before]) / since
-        fall = (values[which, after] - value) / until
-        slope = (rise * until + fall * since) / (since + until)
-        way = slope * (since + until) / (2.0 * (rise - fall))
-    way = np.where(np.isfinite(way), np.clip(way, -since, until), 0.0)  # none at an end
-    guess = value + 0.5 * np.where(way == 0.0, 0.0, slope) * way
-    top = np.full(len(values), -np.inf)
-    np.maximum.at(top, which, guess)
-    range_of_all = values.max(axis=1) - values.min(axis=1)
-    some = guess >= (top - _CLOSE * range_of_all)[which]
-    return which[some], place[some], (times[place] + way)[some]
