@@ -606,14 +606,22 @@ def _power(rate: float, order: int) -> float:
 
 @inline
 def _add_exponentials(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
-    """Add what hyperbolas whose exponentials are apart do to derivatives."""
+    """Add what hyperbolas whose exponentials are apart do to derivatives.
+
+    Of the place and the velocity these are large differences where a body has faint drag.
+    """
     for j in range(flow.rotations, flow.hyperbolas_end):
         if _is_apart(flow, j):
+            place, velocity, _, _ = _start(flow, form, z, j)
+            d[0] += place
+            d[1] += velocity
             a, b, one, other = _both(flow, form, z, j)
-            for n in range(d.size):
-                d[n] += a + b
+            a *= one
+            b *= other
+            for n in range(2, d.size):
                 a *= one
                 b *= other
+                d[n] += a + b
 
 
 @inline
