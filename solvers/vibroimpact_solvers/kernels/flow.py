@@ -58,6 +58,8 @@ DRIVE: Final = record(
 
 
 _UNEQUAL = 0.125  # part of one sum of a pair that another is, below which it is near a saddle
+_APART = 0.5
+"""Half the distance of both rates of a hyperbola, over their mean, from which on they are apart."""
 _TERMS = 20  # of the series of `_averages`, for |x| <= 1
 _VERY_LONG = 256  # and those for the coordinates whose passages are searched for
 
@@ -576,6 +578,53 @@ def _start(flow: Flow, form: Floats, z: Floats, j: int) -> Any:
 
 
 @inline
+def _is_apart(flow: Flow, j: int) -> bool:
+    """Return whether a pair is two exponentials whose sum does not cancel: no near-critical one."""
+    return bool(j < flow.hyperbolas_end and flow.nu[j] > _APART * abs(flow.alpha[j]))
+
+
+@inline
+def _both(flow: Flow, form: Floats, z: Floats, j: int) -> tuple[float, float, float, float]:
+    """Return what both exponentials of a hyperbola make of a coordinate, and their rates.
+
+    One may have decayed long before the other one, whose derivatives are then much smaller than
+    the faster rate would let them be.
+    """
+    first, second = form[Z1, j], form[Z2, j]
+    plus, minus = 0.5 * (z[Z1, j] + z[Z2, j]), 0.5 * (z[Z1, j] - z[Z2, j])
+    one = (flow.alpha[j] + flow.nu[j]) + flow.rest[j]
+    other = (flow.alpha[j] - flow.nu[j]) - flow.rest[j]
+    return (first + second) * plus, (first - second) * minus, one, other
+
+
+@inline
+def _power(rate: float, order: int) -> float:
+    """Return a rate to the power of `ORDER` or `LOW`."""
+    fourth = rate * rate * rate * rate
+    return fourth * fourth * fourth if order == ORDER else fourth
+
+
+@inline
+def _add_exponentials(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
+    """Add what hyperbolas whose exponentials are apart do to derivatives.
+
+    Of the place and the velocity these are large differences where a body has faint drag.
+    """
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        if _is_apart(flow, j):
+            place, velocity, _, _ = _start(flow, form, z, j)
+            d[0] += place
+            d[1] += velocity
+            a, b, one, other = _both(flow, form, z, j)
+            a *= one
+            b *= other
+            for n in range(2, d.size):
+                a *= one
+                b *= other
+                d[n] += a + b
+
+
+@inline
 def _add_loads(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
     """Add what pushes and drives do to derivatives."""
     for row in range(flow.drives.size):
@@ -624,32 +673,37 @@ def derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
         b *= square
         d10 += a
         d11 += b
-    for j in range(turning, nu.size):
-        a, b, twice, square = _start(flow, form, z, j)
-        d0 += a
-        d1 += b
-        a = twice * b + square * a
-        b = twice * a + square * b
-        d2 += a
-        d3 += b
-        a = twice * b + square * a
-        b = twice * a + square * b
-        d4 += a
-        d5 += b
-        a = twice * b + square * a
-        b = twice * a + square * b
-        d6 += a
-        d7 += b
-        a = twice * b + square * a
-        b = twice * a + square * b
-        d8 += a
-        d9 += b
-        a = twice * b + square * a
-        b = twice * a + square * b
-        d10 += a
-        d11 += b
+    for part in range(2):
+        begin, end = (turning, flow.rotations) if part == 0 else (flow.rotations, nu.size)
+        for j in range(begin, end):
+            if part > 0 and _is_apart(flow, j):
+                continue
+            a, b, twice, square = _start(flow, form, z, j)
+            d0 += a
+            d1 += b
+            a = twice * b + square * a
+            b = twice * a + square * b
+            d2 += a
+            d3 += b
+            a = twice * b + square * a
+            b = twice * a + square * b
+            d4 += a
+            d5 += b
+            a = twice * b + square * a
+            b = twice * a + square * b
+            d6 += a
+            d7 += b
+            a = twice * b + square * a
+            b = twice * a + square * b
+            d8 += a
+            d9 += b
+            a = twice * b + square * a
+            b = twice * a + square * b
+            d10 += a
+            d11 += b
     d[0], d[1], d[2], d[3], d[4], d[5] = d0, d1, d2, d3, d4, d5
     d[6], d[7], d[8], d[9], d[10], d[11] = d6, d7, d8, d9, d10, d11
+    _add_exponentials(flow, form, z, d)
     _add_loads(flow, form, z, d)
 
 
@@ -667,17 +721,23 @@ def near_derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
         d1 += b
         d2 += square * a
         d3 += square * b
-    for j in range(turning, nu.size):
-        a, b, twice, square = _start(flow, form, z, j)
-        d1 += b
-        a = twice * b + square * a
-        d2 += a
-        d3 += twice * a + square * b
+    for part in range(2):
+        begin, end = (turning, flow.rotations) if part == 0 else (flow.rotations, nu.size)
+        for j in range(begin, end):
+            if part > 0 and _is_apart(flow, j):
+                continue
+            a, b, twice, square = _start(flow, form, z, j)
+            d1 += b
+            a = twice * b + square * a
+            d2 += a
+            d3 += twice * a + square * b
     if z.shape[1] < _VERY_LONG:
         value = product(form, z)
     else:
         value, _ = exact_product(form, z)
-    d[0], d[1], d[2], d[3] = value, d1, d2, d3
+    d[0], d[1], d[2], d[3] = 0.0, d1, d2, d3
+    _add_exponentials(flow, form, z, d)
+    d[0] = value
     _add_loads(flow, form, z, d)
 
 
@@ -758,7 +818,12 @@ def _other_growth(
     sizes = watched.size_high[i] if order == ORDER else watched.size_low[i]
     largest = 0.0
     for j in range(flow.rotations, flow.hyperbolas_end):
-        largest += sizes[j] * lengths[j] * math.exp(max(0.0, alpha[j] + nu[j]) * H)
+        if _is_apart(flow, j):
+            a, b, one, other = _both(flow, form, z, j)
+            growth = math.exp(one * H) if one > 0.0 else 1.0
+            largest += abs(a) * _power(one, order) * growth + abs(b) * _power(other, order)
+        else:
+            largest += sizes[j] * lengths[j] * math.exp(max(0.0, alpha[j] + nu[j]) * H)
     for j in range(flow.hyperbolas_end, alpha.size):
         rate = abs(alpha[j])
         if rate > 0.0:

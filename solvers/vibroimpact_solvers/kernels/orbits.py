@@ -79,7 +79,7 @@ class Mesh(NamedTuple):
     """How free motions are divided: into segments, and these into panels."""
 
     ends: Floats  # (segment,), ascending, the last one infinite
-    speeds: Floats  # (segment,): the fastest rate that is left
+    speeds: Floats  # (segment,): the fastest rate that is left, less where it is decayed
     shared: Integers  # (shared segment,): numbers of panels of those that all free motions share
     growth: Floats  # (pair,)
     dies: Booleans  # (pair,): whether it is in the table

@@ -667,7 +667,7 @@ class Basis:
         state[:, place] = to
         return pairs
 
-    @property
+    @cached_property
     def _ramps(self) -> slice:
         start = self._loads.start + self._omega.size
         return slice(start, start + self.modes.ramps.shape[1])
@@ -687,9 +687,10 @@ class Basis:
         one, some = self._single, self._coupled
         state[0, : one.size] = q[one] * self._stretch
         state[1, : one.size] = rate[one] + self._delta * q[one]
-        both = self._inverse @ np.concatenate([q[some], rate[some]])
-        state[:, one.size : one.size + some.size] = both.reshape(2, some.size)
-        return np.ascontiguousarray(state[:, self._order])
+        if some.size:
+            both = self._inverse @ np.concatenate([q[some], rate[some]])
+            state[:, one.size : one.size + some.size] = both.reshape(2, some.size)
+        return np.take(state, self._order, axis=1)
 
     def coordinates(self, z: Floats) -> tuple[Floats, Floats]:
         """Return modal coordinates from the equilibrium and their rates, each (…, mode)."""
@@ -735,16 +736,14 @@ class Basis:
         rate[1] += self.push
         return rate
 
-    @property
+    @cached_property
     def _loads(self) -> slice:
         start = self._single.size + self._coupled.size
         return slice(start, start + self._omega.size + self._along.shape[1])
 
     def _natural(self, z: Floats) -> Floats:
         """Return pairs in their order of construction: modes, complex modes, loads."""
-        natural = np.empty_like(z)
-        natural[..., self._order] = z
-        return natural
+        return np.take(z, self._places, axis=-1)
 
     def _carried(self, loads: Floats) -> tuple[Floats, Floats]:
         """Return the response to the loads in modal coordinates and rates; loads (…, 2, load)."""

@@ -60,6 +60,30 @@ def test_what_dies_may_be_evaluated_once_for_all(
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
+def test_panels_may_lengthen_as_vibrations_decay(
+    symmetric: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Integrals and extremes are those of panels as short as undamped vibrations need."""
+    monkeypatch.setattr(along, "PAYS", math.inf)
+    nodes, evaluate = list[int](), along.Along.of
+
+    def counted(*given: Any) -> along.Along:
+        made = evaluate(*given)
+        nodes.append(int(made.nodes.sum()))
+        return made
+
+    monkeypatch.setattr(along.Along, "of", counted)
+    longer = response(symmetric=symmetric)
+    few = sum(nodes)
+    monkeypatch.setattr(along, "_DEGREE", math.inf)
+    shorter = response(symmetric=symmetric)
+    assert few < 0.7 * (sum(nodes) - few)
+    for name in ("x_max", "x_min", "rms", "work", "energy_lost"):
+        apart = np.abs(getattr(longer, f"solution_{name}") - getattr(shorter, f"solution_{name}"))
+        assert (apart <= 0.5 * getattr(shorter, f"error_{name}")).all(), name
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
 def test_extremes_are_those_of_the_waveform(symmetric: bool) -> None:
     result = response(symmetric=symmetric)
     error, size = result.error_x_max, np.abs(result.waveform).max(axis=1)
