@@ -42,6 +42,8 @@ def test_the_base_passes_through_samples_of_its_velocity() -> None:
         assert at_knots[k] + a[k] * step + 0.5 * slope * step**2 == pytest.approx(v, abs=1e-11)
 
 
+@pytest.mark.needs("processes")
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("quantity", ["acceleration", "velocity", "displacement"])
 def test_samples_of_a_vibration_do_what_the_vibration_does(quantity: str) -> None:
     """The base moves by u sin(3 t); relative to it, the structure starts with -3 u."""
@@ -65,6 +67,8 @@ def test_samples_of_a_vibration_do_what_the_vibration_does(quantity: str) -> Non
     assert np.abs(sampled.x - exact.x).max() < 1.02 * (omega * 0.01) ** 2 / 12 * largest
 
 
+@pytest.mark.needs("processes")
+@pytest.mark.needs("compiled kernels")
 def test_records_that_end_before_the_motion_go_on_at_rest() -> None:
     record = vi.Record([0.0, 0.5, 1.0], [0.0, 2.0, 1.0])
     assert record.base_motion()["t"] == [0.0, 0.5, 1.0]
