@@ -27,6 +27,8 @@ _MILLI: Final = 1e3
 _SIZES: Final = (50, 100, 300)
 _LARGEST: Final = 50
 """Degrees of freedom up to which kinds that take seconds are asked for."""
+_STIFF: Final = 20.0
+"""Stiffness of a stop that yields, in that of the beam at its tip."""
 _number: Final = itertools.count(1)
 Work = Callable[[], object]
 
@@ -154,6 +156,7 @@ def _of_beam(local: vi.Local, size: int) -> Iterator[tuple[str, Work, float | No
     rayleigh: Any = {"rayleigh": [2.0 * first * (0.02 - 0.5 * b * first), b]}
     driven = vi.system(M, K, [stop], damping=rayleigh)
     load = [vi.drive(tip, 3.0)]
+    shape = np.linalg.solve(K, np.eye(size)[tip])
     modes, response = (1.001 * first, 1.3 * first, 50), (0.5 * first, 2.0 * first, 50)
     by_hand = partial(_modes_by_hand, M, K, tip, np.linspace(*modes))
     stability = ("impulse", "exists", "reason", "stability")
@@ -169,20 +172,23 @@ def _of_beam(local: vi.Local, size: int) -> Iterator[tuple[str, Work, float | No
     goal = {100: 0.3, 300: 2.0}.get(size)
     yield "driven response, 50", partial(local.periodic_motions, driven, response, load), goal, None
     # In the shape of a static deflection, at the speed 1 of the tip.
-    v = np.linalg.solve(K, np.eye(size)[tip])
-    v /= v[tip]
+    v = shape / shape[tip]
     history = partial(local.time_history, free, (0.0 * v, v), 20.0 * math.pi / first)
     yield "time history, 10 periods", history, None, None
     if size > _LARGEST:
         return
+    stop = vi.constraint(tip, 0.01, stiffness=_STIFF / float(shape[tip]))
+    yielding = vi.system(M, K, [stop], damping=rayleigh)
+    elastic = partial(local.periodic_motions, yielding, response, load)
+    yield "driven response, 50, a stop that yields", elastic, 0.25, None
     bands = partial(local.existence_bands, free, first, 1.3 * first, resolution=1e-3)
     yield "existence bands, resolution 1e-3", bands, 2.0, None
     base = vi.periodic_motions_request(driven, [first], load)
     branch = partial(local.branches, base, "frequency.values.0", 0.7 * first, 1.3 * first)
     yield "branch over the frequency", branch, 3.0, None
-    upper = vi.system(M, K, [vi.constraint(tip, 0.01, 0.7)], damping=rayleigh)
+    both = vi.system(M, K, [vi.constraint(tip, 0.01, 0.7)], damping=rayleigh)
     states = 0.1 * np.random.default_rng(0).standard_normal((4, size))
-    settled = partial(local.attractors, upper, 1.1 * first, load, 0.0 * states, states)
+    settled = partial(local.attractors, both, 1.1 * first, load, 0.0 * states, states)
     yield "attractors, four states", settled, 3.0, None
 
 
