@@ -92,7 +92,7 @@ def result_of(
         values[name] = value[0]
     if problem.estimate:
         state = np.array([largest]), np.array([known_until])
-        for name, value in errors.history(history[-1], *state).items():
+        for name, value in errors.history(history[-1], history[2], *state).items():
             values[name] = value[0]
     if "impacts" in problem.outputs:
         for name, column in _COLUMNS.items():
@@ -158,7 +158,7 @@ def arrays_of(
     for name in ("error_condition", "error_predictable_until"):
         arrays[name] = np.full(size, values[name])
     if problem.estimate:
-        arrays |= errors.history(history[-1], *state)
+        arrays |= errors.history(history[-1], history[2], *state)
         known = progress["known_until"]
         arrays["error_condition"] = progress["growth"]
         arrays["error_predictable_until"] = np.where(known < math.inf, known, problem.t_end)

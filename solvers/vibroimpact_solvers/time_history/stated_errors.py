@@ -170,13 +170,15 @@ class StatedErrors:
             reach = of.reaches[dofs.tobytes()] = Reach(self._structure, of, dofs)
         return reach
 
-    def history(self, lengths: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
+    def history(self, lengths: Floats, a: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
         """Return the errors of x, v, a and the energy, of motions, shape (motion, time, …).
 
         Parameters
         ----------
         lengths : array, shape (motion, time)
             Of the errors of the states, as in `kernels.rigid_state.History`.
+        a : array, shape (motion, time, dof)
+            The accelerations, if they are asked for: loads are no part of the states' sizes.
         largest, until : array, shape (motion,)
             `kernels.rigid_state.PROGRESS`: ``largest`` and ``known_until``.
         """
@@ -197,7 +199,7 @@ class StatedErrors:
         if "a" in outputs:
             reach, constant = self._largest("bend")
             values["error_a"] = state[..., np.newaxis] * np.maximum(reach, LEAST)
-            values["error_a"] += _SUMMED * EPS * constant
+            values["error_a"] += _SUMMED * EPS * (constant + np.abs(a))
         if "energy" in outputs:
             square, linear, level = self._largest("energy").tolist()
             largest = largest[:, np.newaxis]

@@ -128,7 +128,8 @@ def test_histories_cost_what_is_asked() -> None:
     system, state = on_mode(13, 5, 1.9)
     given = {"t": np.linspace(0.0, 50.0, 7), "dofs": np.array([3, 1])}
     for outputs, sizes in (
-        ({"impacts"}, (0, 0, 0, 0)), ({"x"}, (14, 0, 0, 7)), ({"energy"}, (0, 0, 7, 7)),
+        ({"impacts"}, (0, 0, 0, 0, 0)), ({"x"}, (14, 0, 0, 0, 7)), ({"energy"}, (0, 0, 0, 7, 7)),
+        ({"a"}, (0, 0, 14, 0, 7)),
     ):  # fmt: skip
         problem = th.Problem(system, state, 50.0, outputs=frozenset(outputs), **given)  # type: ignore[arg-type]
         assert tuple(array.size for array in new_history(problem, 1)) == sizes
