@@ -485,6 +485,56 @@ def test_refusals() -> None:
     assert caught.value.pointer == ("system", "force")
 
 
+@pytest.mark.parametrize(
+    ("K", "rows", "struck", "stiffness"),
+    [
+        ([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]], [[0.0, 0.0, 1.0]], 1, 20.0),
+        ([[1.0, -1.0], [-1.0, 1.0]], [[-1.0, 1.0]], 1, 20.0),
+        ([[1.0, -1.0], [-1.0, 1.0]], [[-1.0, 1.0]], 2, 20.0),
+        ([[0.0]], [[1.0]], 1, 0.0),
+        ([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]],
+         [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], 1, 20.0),
+    ],
+)  # fmt: skip
+def test_a_rigid_motion_that_no_stop_resists_is_refused(
+    K: Any, rows: Any, struck: int, stiffness: float
+) -> None:
+    """A free beam above one stop, two masses that only their distance stops, and a dashpot."""
+    n, law = len(K), Linear(stiffness, 0.5)
+    stops = tuple(Constraint(tuple(range(n)), tuple(row), None, 0.3, law=law) for row in rows)
+    one = SymmetricMatrix.diagonal(np.ones(n))
+    system = System(one, SymmetricMatrix.dense(np.array(K)), stops)
+    load = (driven.Force((0,), (1.0,), 1.0),)
+    problem = driven.Problem(
+        system, np.array([1.3]), load, sequence=(driven.Impact(0, 1),) * struck
+    )
+    plan = driven.plan(problem)
+    with pytest.raises(ModelError, match="rigid motion") as caught:
+        driven.solve(problem, plan)
+    assert (caught.value.pointer, caught.value.code) == (("system", "K"), "free_body")
+
+
+def test_stops_hold_a_free_beam() -> None:
+    """Two stops resist both rigid motions; a mirrored half period leaves none."""
+    K = SymmetricMatrix.dense(np.outer([1.0, -2.0, 1.0], [1.0, -2.0, 1.0]))
+    ends = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    lower, upper = (
+        Constraint((0, 1, 2), row, *walls, law=Linear(20.0, 0.5))
+        for row, walls in zip(ends, ((0.3, None), (None, 0.3)), strict=True)
+    )
+    both = Constraint((0, 1, 2), ends[1], 0.3, 0.3, law=Linear(20.0, 0.5))
+    one, load = SymmetricMatrix.diagonal(np.ones(3)), (driven.Force((0,), (1.0,), 1.0),)
+    cases: list[tuple[tuple[Constraint, ...], Any]] = [
+        ((lower, upper), (driven.Impact(0, -1), driven.Impact(1, 1))),
+        ((both,), driven.SYMMETRIC),
+    ]
+    for stops, sequence in cases:
+        problem = driven.Problem(System(one, K, stops), np.array([1.3]), load, sequence=sequence)
+        result = driven.solve(problem, driven.plan(problem))
+        assert result.solution_contacts is not None
+        assert result.solution_contacts.size > 0
+
+
 @pytest.mark.parametrize("lag", [1e-3, 0.0095, 0.1, 3.0])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_an_extreme_beside_the_beginning_of_the_period_is_found(lag: float, sign: float) -> None:
