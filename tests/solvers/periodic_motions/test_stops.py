@@ -13,7 +13,7 @@ import scipy.linalg
 from tests.reference.balls import Structure
 from tests.reference.stopped import Stop, StoppedMotion
 from vibroimpact_solvers import periodic_motions as driven
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import spectrum, time_history
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -179,6 +179,54 @@ def test_motion_that_begins_under_compression() -> None:
     assert result.contact_duration[1] == pytest.approx(3.457427, abs=1e-6)
     assert result.contact_start_indentation[1] > 0.1
     assert result.solution_work == pytest.approx(result.solution_energy_lost, rel=1e-13)
+
+
+@pytest.mark.needs("compiled kernels")
+@pytest.mark.parametrize(
+    ("second", "wall"),
+    [(0.0, 1.045), (0.0, 1.046), (0.0, 1.0462), (0.05, 0.9942), (0.05, 0.9946)],
+)
+def test_a_wall_that_is_left_for_a_short_time(second: float, wall: float) -> None:
+    """A stop that is released for long, leaves its wall shortly and is loaded there again.
+
+    A settled time history goes through the motion, which therefore exists, with one harmonic of the
+    load or two.
+    """
+    Omega = 0.5
+    stop = Constraint((0,), (1.0,), None, -wall, law=Linear(4.0, 6.0))
+    one, C = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([0.1])
+    system = System(one, one, (stop,), C=C)
+    load = (driven.Force((0,), (1.0,), 1.0), driven.Force((0,), (1.0,), second, 2))
+    problem = driven.Problem(system, np.array([Omega]), load if second else load[:1])
+    result = driven.solve(problem, driven.plan(problem))
+    T = 2.0 * math.pi / Omega
+    harmonics = tuple(
+        time_history.Harmonic(0, each.amplitude, each.harmonic * Omega) for each in problem.load
+    )
+    given = time_history.Problem(
+        system, time_history.State(np.zeros(1), np.zeros(1)), 42.0 * T,
+        t=np.linspace(40.0 * T, 41.0 * T, 20001), outputs=frozenset({"x", "contacts"}),
+        load=harmonics,
+    )  # fmt: skip
+    history = time_history.solve(given, time_history.plan(given))
+    assert history.contact_start is not None
+    assert history.contact_stop is not None
+    assert history.x is not None
+    open_part = float((history.x[:, 0] < -wall).mean())
+    assert 0.0 < open_part < 0.025
+    (k,) = np.flatnonzero((history.contact_start > 40.0 * T) & (history.contact_start < 41.0 * T))
+    phase = math.fmod(Omega * float(history.contact_start[k]), 2.0 * math.pi)
+    duration = float(history.contact_stop[k] - history.contact_start[k])
+    assert result.contact_phase is not None
+    assert result.contact_duration is not None
+    assert result.contact_solution is not None
+    assert result.solution_exists is not None
+    assert result.solution_certified is not None
+    near = np.abs(result.contact_duration - duration) < 1e-9 * T
+    (row,) = np.flatnonzero(near)
+    assert result.contact_phase[row] == pytest.approx(phase, abs=1e-8)
+    assert result.solution_exists[result.contact_solution[row]]
+    assert result.solution_certified[result.contact_solution[row]]
 
 
 def direct(case: Case, d: float, regained: bool) -> tuple[float, float, Any, Any, Any]:
@@ -483,6 +531,56 @@ def test_refusals() -> None:
     with pytest.raises(ModelError) as caught:
         driven.solve(falling, plan)
     assert caught.value.pointer == ("system", "force")
+
+
+@pytest.mark.parametrize(
+    ("K", "rows", "struck", "stiffness"),
+    [
+        ([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]], [[0.0, 0.0, 1.0]], 1, 20.0),
+        ([[1.0, -1.0], [-1.0, 1.0]], [[-1.0, 1.0]], 1, 20.0),
+        ([[1.0, -1.0], [-1.0, 1.0]], [[-1.0, 1.0]], 2, 20.0),
+        ([[0.0]], [[1.0]], 1, 0.0),
+        ([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]],
+         [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], 1, 20.0),
+    ],
+)  # fmt: skip
+def test_a_rigid_motion_that_no_stop_resists_is_refused(
+    K: Any, rows: Any, struck: int, stiffness: float
+) -> None:
+    """A free beam above one stop, two masses that only their distance stops, and a dashpot."""
+    n, law = len(K), Linear(stiffness, 0.5)
+    stops = tuple(Constraint(tuple(range(n)), tuple(row), None, 0.3, law=law) for row in rows)
+    one = SymmetricMatrix.diagonal(np.ones(n))
+    system = System(one, SymmetricMatrix.dense(np.array(K)), stops)
+    load = (driven.Force((0,), (1.0,), 1.0),)
+    problem = driven.Problem(
+        system, np.array([1.3]), load, sequence=(driven.Impact(0, 1),) * struck
+    )
+    plan = driven.plan(problem)
+    with pytest.raises(ModelError, match="rigid motion") as caught:
+        driven.solve(problem, plan)
+    assert (caught.value.pointer, caught.value.code) == (("system", "K"), "free_body")
+
+
+def test_stops_hold_a_free_beam() -> None:
+    """Two stops resist both rigid motions; a mirrored half period leaves none."""
+    K = SymmetricMatrix.dense(np.outer([1.0, -2.0, 1.0], [1.0, -2.0, 1.0]))
+    ends = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    lower, upper = (
+        Constraint((0, 1, 2), row, *walls, law=Linear(20.0, 0.5))
+        for row, walls in zip(ends, ((0.3, None), (None, 0.3)), strict=True)
+    )
+    both = Constraint((0, 1, 2), ends[1], 0.3, 0.3, law=Linear(20.0, 0.5))
+    one, load = SymmetricMatrix.diagonal(np.ones(3)), (driven.Force((0,), (1.0,), 1.0),)
+    cases: list[tuple[tuple[Constraint, ...], Any]] = [
+        ((lower, upper), (driven.Impact(0, -1), driven.Impact(1, 1))),
+        ((both,), driven.SYMMETRIC),
+    ]
+    for stops, sequence in cases:
+        problem = driven.Problem(System(one, K, stops), np.array([1.3]), load, sequence=sequence)
+        result = driven.solve(problem, driven.plan(problem))
+        assert result.solution_contacts is not None
+        assert result.solution_contacts.size > 0
 
 
 @pytest.mark.parametrize("lag", [1e-3, 0.0095, 0.1, 3.0])

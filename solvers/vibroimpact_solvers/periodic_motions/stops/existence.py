@@ -8,7 +8,9 @@ must not be loaded again; afterwards its coordinate keeps off the wall until the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -39,6 +41,7 @@ from vibroimpact_solvers.results.impact_modes import Reason
 
 _PARTS: Final = 24  # of a turn of the fastest pair, in which the wall is looked for
 _NODES: Final = 4000  # at most
+_LATE: Final = 45  # halvings of what is left of a part, towards its end
 _HALVINGS: Final = 80
 _NONE: Final = -1
 
@@ -249,23 +252,47 @@ def _wall_left(phases: Phases, cells: Cells, solved: Solutions) -> Floats:
         rest = float(solved.rest[k])
         slow = phases.open.growth[moving] * rest > -prescribed.GONE * 8.0
         fastest = float(phases.open.rate[moving][slow].max(initial=Omega[k]))
-        nodes = int(min(_NODES, 8 + _PARTS * fastest * rest / (2.0 * math.pi)))
-        # close together at the beginning, where the force has just been lost
-        times = rest * np.linspace(0.0, 1.0, nodes) ** 2
-        seen = indentation(k, times) <= 0.0
-        seen[0] = False
-        if not seen.any():
-            continue
-        high = int(np.argmax(seen))
-        low_time, high_time = times[high - 1], times[high]
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low_time + high_time)
-            if not low_time < middle < high_time:
-                break
-            if indentation(k, np.array([middle]))[0] <= 0.0:
-                high_time = middle
-            else:
-                low_time = middle
-        at_end = high_time > rest * (1.0 - 1e-12)
-        leaves[k] = np.inf if at_end and solved.regained[k] else min(high_time, rest)
+        left = first_left(partial(indentation, k), rest, fastest, released=True)
+        if left is not None:
+            at_end = left > rest * (1.0 - 1e-12)
+            leaves[k] = np.inf if at_end and solved.regained[k] else left
     return leaves
+
+
+def first_left(
+    beyond: Callable[[Floats], Floats], length: float, fastest: float, *, released: bool
+) -> float | None:
+    """Return the first time at which a coordinate is not beyond its wall; None if there is none.
+
+    Parameters
+    ----------
+    beyond : callable
+        Its distances beyond the wall at times from 0 to the length.
+    length : float
+    fastest : float
+        Angular frequency of the fastest mode.
+    released : bool
+        Whether the stop loses its force at time 0, when it is beyond the wall or at it.
+    """
+    nodes = int(min(_NODES, 8 + _PARTS * fastest * length / (2.0 * math.pi)))
+    # Close together at the beginning, where the force may have been lost just now, and at the end:
+    # a stop that begins to push at its wall there has left it before, for however short a time.
+    places = np.union1d(np.linspace(0.0, 1.0, nodes) ** 2, 1.0 - 0.5 ** np.arange(1, _LATE))
+    times = length * places
+    seen = beyond(times) <= 0.0
+    seen[0] &= not released
+    if not seen.any():
+        return None
+    high = int(np.argmax(seen))
+    if high == 0:
+        return 0.0
+    low_time, high_time = float(times[high - 1]), float(times[high])
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low_time + high_time)
+        if not low_time < middle < high_time:
+            break
+        if beyond(np.array([middle]))[0] <= 0.0:
+            high_time = middle
+        else:
+            low_time = middle
+    return min(high_time, length)

@@ -17,14 +17,17 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.limit_check import BEYOND, KEPT, LOWER, PASSED, UPPER
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.stops import prescribed
-from vibroimpact_solvers.periodic_motions.stops.existence import Forces, Leg, check, walls_of
+from vibroimpact_solvers.periodic_motions.stops.existence import (
+    Forces,
+    Leg,
+    check,
+    first_left,
+    walls_of,
+)
 from vibroimpact_solvers.periodic_motions.stops.orbit_errors import Errors
 from vibroimpact_solvers.periodic_motions.stops.orbits import Kind, Orbit
 from vibroimpact_solvers.results.impact_modes import Reason
 
-_PARTS: Final = 24  # of a turn of the fastest pair, in which the wall is looked for
-_NODES: Final = 4000  # at most
-_HALVINGS: Final = 80
 _NONE: Final = -1
 
 
@@ -126,28 +129,13 @@ def _left_in(one: Orbit, part: int, a: int, sign: int, *, at_begin: bool) -> flo
 
     moving = side.pairs.moving
     fastest = float(side.rate[moving].max(initial=cell.Omega))
-    nodes = int(min(_NODES, 8 + _PARTS * fastest * length / (2.0 * math.pi)))
-    times = length * np.linspace(0.0, 1.0, nodes) ** 2
-    seen = beyond(times) <= 0.0
-    seen[0] &= not at_begin
-    if not seen.any():
+    left = first_left(beyond, length, fastest, released=at_begin)
+    if left is None:
         return None
-    high = int(np.argmax(seen))
-    if high == 0:
-        return 0.0
-    low_time, high_time = float(times[high - 1]), float(times[high])
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low_time + high_time)
-        if not low_time < middle < high_time:
-            break
-        if beyond(np.array([middle]))[0] <= 0.0:
-            high_time = middle
-        else:
-            low_time = middle
     # One that begins at the wall has left it before.
     ends = one.switchings[(part + 1) % len(one.switchings)]
     again = ends.kind is Kind.REGAINED and ends.stop == (a, sign)
-    return None if again and high_time > length * (1.0 - 1e-12) else min(high_time, length)
+    return None if again and left > length * (1.0 - 1e-12) else left
 
 
 Names = list[tuple[int, bool]]

@@ -15,6 +15,7 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.meter import look
+from vibroimpact_solvers.periodic_motions.balance import directions
 from vibroimpact_solvers.periodic_motions.frame import Frame
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
@@ -172,7 +173,7 @@ class Phases:
         Raises
         ------
         ModelError
-            Where a constant load moves a free body.
+            Where a constant load moves a free body, or the stop leaves one free.
         """
         (impact,) = problem.impacts
         structure = Structure.of(problem.system, method, 2.0 * math.pi / float(problem.Omega[0]))
@@ -181,6 +182,7 @@ class Phases:
         harmonics, powers, forces, frame = acting(problem.forces(), problem.frame)
         placed = stopped.placed(()), stopped.placed(side)
         check_borne(stopped)
+        check_held(stopped, problem)
         open_side = side_of(stopped, placed[0], impact, forces, loaded=False)
         loaded = side_of(stopped, placed[1], impact, forces, loaded=True)
         to_loaded, offset = passage_of(placed[0], open_side, placed[1], loaded)
@@ -213,6 +215,25 @@ def check_borne(stopped: StoppedModes) -> None:
             "constant load; this one moves a rigid body"
         )
         raise ModelError(("system", "force"), message, code="free_body")
+
+
+def check_held(stopped: StoppedModes, problem: Problem) -> None:
+    """Refuse a rigid motion that no spring of the sequence resists.
+
+    With K r = 0 and w . r = 0 for all its stops, every motion x has the neighbours x + r, and the
+    equations of the period are singular. A motion whose second half mirrors the first has none.
+    """
+    if problem.symmetric:
+        return
+    rigid = stopped.placed(()).basis.modes.roots == 0.0
+    struck = {impact.constraint for impact in problem.impacts}
+    springs = [a for a in sorted(struck) if stopped.stiffness[a] > 0.0]
+    if directions(stopped.rows[springs][:, rigid]).shape[1] < rigid.sum():
+        message = (
+            "nothing resists a rigid motion of the structure, neither its stiffness nor a stop of "
+            "the sequence: periodic motions are not determined"
+        )
+        raise ModelError(("system", "K"), message, code="free_body")
 
 
 def side_of(

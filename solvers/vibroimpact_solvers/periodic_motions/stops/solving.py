@@ -14,7 +14,7 @@ from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.stops import columns, orbit_columns, sequences
 from vibroimpact_solvers.periodic_motions.stops.linear import Linear
 from vibroimpact_solvers.periodic_motions.stops.moving_walls import at_rest
-from vibroimpact_solvers.periodic_motions.stops.phases import Phases
+from vibroimpact_solvers.periodic_motions.stops.phases import Phases, check_held
 from vibroimpact_solvers.periodic_motions.stops.prescribed import Cells
 from vibroimpact_solvers.periodic_motions.stops.scenes import Scenes
 from vibroimpact_solvers.periodic_motions.stops.search import Search
@@ -51,6 +51,7 @@ def _searched(problem: Problem, method: spectrum.Method, tick: Tick | None) -> l
     """Return the results of all frequencies, each begun with the solutions of the one before."""
     longest = 2.0 * math.pi / float(problem.Omega[0])
     scenes = Scenes(problem.system, problem.forces(), longest, method, problem.frame)
+    check_held(scenes.stopped, problem)
     each, results = sequences.solutions(problem, scenes), list[Result]()
     for first, last in batches(problem.Omega.size, 1, tick):
         motions = [(0, one) for one in next(each)]

@@ -162,12 +162,18 @@ def _add_energies(structure: Phases | Scenes, samples: Samples, total: Sums) -> 
     load = (flow @ pushed).real
     total.work += float(weights @ (load * v).sum(axis=1))
     total.flow += float(weights @ (np.abs(load) * np.abs(v)).sum(axis=1))
-    total.work_error += float(weights @ (np.abs(load) * off).sum(axis=1))
+    total.work_error += _summed(weights, (np.abs(load) * off).sum(axis=1))
     if free.damping is not None and free.damping.size:
         dragged = v @ free.damping
         total.dissipated += float(weights @ (dragged * v).sum(axis=1))
         each = (np.abs(dragged) * off).sum(axis=1) * 2.0 + v**2 @ free.damping_errors
-        total.loss_error += float(weights @ each)
+        total.loss_error += _summed(weights, each)
+
+
+def _summed(weights: Floats, errors: Floats) -> float:
+    """Return a sum of errors, which may be infinite: nodes without weight add nothing to it."""
+    some = weights > 0.0
+    return float(weights[some] @ errors[some])
 
 
 def set_forces(stop: Stop, scale: float, samples: Samples, total: Sums) -> None:
@@ -193,9 +199,9 @@ def set_forces(stop: Stop, scale: float, samples: Samples, total: Sums) -> None:
         power = -sign * seen[:, 0] * wall  # the stop pushes the structure by -sign F
         total.wall_work = float(weights @ power)
         doubt = (errors[0] + ripple[:, 0]) * np.abs(wall) + 16.0 * EPS * np.abs(power)
-        total.wall_work_error = float(weights @ doubt)
+        total.wall_work_error = _summed(weights, doubt)
     v, fast = scale * speed, scale * (float(off[2]) + ripple[:, 2])
     total.rubbed = float(weights @ v**2)
-    total.rubbed_error = float(weights @ ((2.0 * np.abs(v) + fast) * fast))
+    total.rubbed_error = _summed(weights, (2.0 * np.abs(v) + fast) * fast)
     total.force_error, total.indentation_error = (float(e) for e in errors)
     total.impulse_error = steady_error * part.length / scale + float(weights @ ripple[:, 0])
