@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +69,17 @@ def test_the_forkserver_and_all_workers_are_killed(
 ) -> None:
     replica = started(Replica(tmp_path / "data", record, workers="2"))
     until(replica.ready, "no workers")
-    user = User([replica])
+    user, starts = User([replica]), count(6100)
     user.submit(sweep(0.6), *(tiny(0.7 + i / 100) for i in range(5)))
 
     def at_work() -> tuple[int, list[int]] | None:
-        """Return the forkserver and both workers, once these do something."""
+        """Return the forkserver and both workers, once these do something.
+
+        There is always work: one of them may come when the other one has done all there was.
+        """
+        jobs = (user.ask("GET", f"/v1/jobs/{job}").json() for job, _ in user.accepted.values())
+        if all(job["final"] for job in jobs):
+            user.submit(sweep(next(starts) / 1e4))
         for forkserver in forkservers([replica]):
             workers = children(forkserver)
             if len(workers) == 2 and {b.pid for b in record.begun()}.issuperset(workers):
@@ -80,8 +87,7 @@ def test_the_forkserver_and_all_workers_are_killed(
         return None
 
     seconds = []
-    for i in range(2):
-        user.submit(sweep(0.61 + i / 100))  # enough for both, however late one of them comes
+    for _ in range(2):
         forkserver, workers = until(at_work, "a worker does nothing")
         moment = time.time()
         for process in (forkserver, *workers):
