@@ -33,6 +33,14 @@ def solved(store: Store, kind: str, content: Document) -> Any:
     return planned.kind.solver.solve(planned.problem, planned.plan)
 
 
+def _between(walls: int, gap: float, restitution: float, ratio: float) -> Document:
+    """Return a mass at a stop, or between two of which the second one is nearer."""
+    limits = {"lower": 0.9 * gap if walls == 2 else None, "upper": gap}
+    stop = {"dof": 0, "gap": limits, "restitution": restitution}
+    damping = {"ratio": ratio}
+    return {"M": [[1.0]], "K": [[1.0]], "damping": damping, "constraints": [stop]}
+
+
 def bouncing(
     store: Store, random: np.random.Generator, *, stops: int = 1, accelerations: bool = False
 ) -> Rig:
@@ -42,12 +50,8 @@ def bouncing(
 
     def base(walls: int) -> Document:
         # A second stop is where the first one alone is never reached without the other noticing.
-        limits = {"lower": 0.9 * gap if walls == 2 else None, "upper": gap}
-        stop = {"dof": 0, "gap": limits, "restitution": restitution}
         return {
-            "system": {
-                "M": [[1.0]], "K": [[1.0]], "damping": {"ratio": ratio}, "constraints": [stop],
-            },
+            "system": _between(walls, gap, restitution, ratio),
             "initial": {"x": [0.0], "v": [1.2]},
             "t_end": 15.0,
             "load": [{"dof": 0, "amplitude": 0.4, "frequency": 1.3}],
@@ -149,12 +153,8 @@ def sweep(store: Store, random: np.random.Generator, *, stops: int = 1) -> Rig:
 
     def base(walls: int) -> Document:
         # The second stop is in the way of the larger motions alone.
-        limits = {"lower": 0.9 * gap if walls == 2 else None, "upper": gap}
-        stop = {"dof": 0, "gap": limits, "restitution": restitution}
         return {
-            "system": {
-                "M": [[1.0]], "K": [[1.0]], "damping": {"ratio": ratio}, "constraints": [stop],
-            },
+            "system": _between(walls, gap, restitution, ratio),
             "load": [{"dof": 0, "amplitude": 0.2}],
             "frequency": {"values": np.linspace(0.7, 1.3, 16).tolist()},
             **({"sequence": [{"constraint": 0, "side": "lower"}]} if walls == 2 else {}),

@@ -179,7 +179,7 @@ class Model:
         """
         weights = self.weights(node, direction, against=against)
         one = len(weights) == 1 and 1.0 in weights.values()
-        return constraint(
+        stop = constraint(
             next(iter(weights)) if one else None,
             gap,
             restitution,
@@ -187,6 +187,17 @@ class Model:
             stiffness=stiffness,
             damping=damping,
         )
+        return self._placed(stop, node, direction, against)
+
+    def _placed(
+        self,
+        stop: documents.Constraint,
+        node: int,
+        direction: str | Mapping[str, float],
+        against: int | None,
+    ) -> documents.Constraint:
+        """Return a stop that knows of its place what its document does not tell: here, nothing."""
+        return stop
 
     def weights(
         self,

@@ -127,22 +127,13 @@ class ReducedModel(Model):
             column[dof] += weight
         return column
 
-    def constraint(
+    def _placed(
         self,
+        stop: documents.Constraint,
         node: int,
-        direction: str | Mapping[str, float] = "x",
-        gap: float | Mapping[str, float | None] = 0.0,
-        restitution: float | None = None,
-        *,
-        against: int | None = None,
-        stiffness: float | None = None,
-        damping: float | None = None,
+        direction: str | Mapping[str, float],
+        against: int | None,
     ) -> documents.Constraint:
-        """Return the document of a stop at a node of the whole model, see `Model.constraint`."""
-        stop = super().constraint(
-            node, direction, gap, restitution,
-            against=against, stiffness=stiffness, damping=damping,
-        )  # fmt: skip
         coordinate = self._coordinate(node, direction, against)
         return stop if coordinate is None else cast("documents.Constraint", Stop(stop, coordinate))
 

@@ -75,21 +75,19 @@ def sums(
     total = Sums.nothing(wanted.size)
     for place, part in enumerate(every):
         look()
-        side, forms = part.side, list[Floats]()
+        side = part.side
         stop = contact[1] if contact is not None and contact[0] == place else None
-        if wanted.size:
-            forms.append(forms_of(side, wanted)[0])
-        if "energy" in problem.outputs:
-            forms.append(_rates(side))
-        if stop is not None:
-            forms.append(of_force(stop, side))
-        if not forms:
+        form, still = forms_of(side, wanted)
+        rates = _rates(side) if "energy" in problem.outputs else form[:0]
+        force = of_force(stop, side) if stop is not None else form[:0]
+        every_form = np.concatenate([form, rates, force])
+        if not every_form.size:
             continue
-        samples = Samples.of(part, np.concatenate(forms))
+        samples = Samples.of(part, every_form)
         if wanted.size:
-            _add_extremes(samples, wanted, total)
-        if "energy" in problem.outputs:
-            _add_energies(structure, samples, total)
+            _add_extremes(samples, wanted, form, still, total)
+        if rates.size:
+            _add_energies(structure, samples, rates, total)
         if stop is not None:
             set_forces(stop, structure.scale, samples, total)
     return total
@@ -100,7 +98,7 @@ def forms_of(side: Side, dofs: Integers) -> tuple[Floats, Floats]:
     modes = side.basis.modes
     shapes = modes.shapes[dofs]
     still = modes.base[dofs] + shapes @ side.basis.still
-    return side.basis.displacement(shapes).reshape(len(shapes), -1), still
+    return side.basis.displacement(shapes).reshape(-1, 2 * side.size), still
 
 
 def _rates(side: Side) -> Floats:
@@ -115,10 +113,11 @@ def of_force(stop: Stop, side: Side) -> Floats:
     return np.stack([side.force, sign * side.position[a], sign * side.velocity[a]])
 
 
-def _add_extremes(samples: Samples, dofs: Integers, total: Sums) -> None:
-    """Add the extremes and the mean squares of displacements along a part."""
+def _add_extremes(
+    samples: Samples, dofs: Integers, form: Floats, still: Floats, total: Sums
+) -> None:
+    """Add the extremes and the mean squares of displacements, see `forms_of`, along a part."""
     part, nodes = samples.part, samples.nodes
-    form, still = forms_of(part.side, dofs)
     x, ripple = samples.states @ form.T + still, samples.ripple(form)
     error = part.error_of(form) + ROUNDED * EPS * np.abs(still)
     shift = np.zeros((part.rates.size, dofs.size), dtype=np.complex128)
@@ -143,17 +142,17 @@ def _add_extremes(samples: Samples, dofs: Integers, total: Sums) -> None:
     total.rms_error += nodes.weights @ (ripple * (2.0 * np.abs(x) + ripple))
 
 
-def _add_energies(structure: Phases | Scenes, samples: Samples, total: Sums) -> None:
-    """Add the work of the load and what damping of the structure dissipates."""
+def _add_energies(structure: Phases | Scenes, samples: Samples, rates: Floats, total: Sums) -> None:
+    """Add the work of the load and what damping dissipates, by the rates of coordinates."""
     part, nodes = samples.part, samples.nodes
     side, stopped, scale = part.side, structure.stopped, structure.scale
-    free, modal = stopped.placed(()).basis.modes, _rates(side)
+    free = stopped.placed(()).basis.modes
     # modal, of the open structure
     pushed = (structure.forces @ free.shapes) * part.turned[:, np.newaxis]
     weights, flow = nodes.weights / scale, np.exp(1j * nodes.times[:, np.newaxis] * part.rates)
     _, rate = side.coordinates_of(samples.states)
     v = scale * (rate @ side.vectors.T)
-    off = scale * (part.error_of(modal) + samples.ripple(modal)) @ np.abs(side.vectors).T
+    off = scale * (part.error_of(rates) + samples.ripple(rates)) @ np.abs(side.vectors).T
     if part.frame is not None:
         pushed = part.frame.forces @ free.shapes
         speeds = 1j * scale * part.rates[:, np.newaxis] * stopped.modal(part.frame.shift)
