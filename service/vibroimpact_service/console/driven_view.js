@@ -151,7 +151,7 @@ export class DrivenView extends BaseView {
     const { from, to, points, switch: begun } = fields();
     return [
       { title: "Response", kind: "periodic-motions", request: this.#request({ start: from, stop: to, num: points }, { outputs: OUTPUTS }) },
-      // Branches are those of rigid stops.
+      // The page follows branches with rigid stops alone.
       ...yields(state.structure) ? [] : [{
         title: "Branches", kind: "branches",
         request: { base: this.#request({ values: [from] }, { outputs: OUTPUTS }), path: "frequency.values.0", start: from, stop: to, switch: begun, step: LONGEST },

@@ -12,7 +12,7 @@ import { shown } from "./numbers.js";
 import { Shape } from "./shape.js";
 import { dampingSlider, gapSlider, restitutionSlider } from "./sliders.js";
 import { setStructure, show, state } from "./state.js";
-import { FORMS, HERTZ, beamIn, coordinateName, geometryOf, isSoft, lawOf, leading, measure, preset, size, stop } from "./structures.js";
+import { FORMS, HERTZ, SQUARE, beamIn, coordinateName, geometryOf, isSoft, lawOf, leading, measure, preset, size, stop } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
 import { UNITS, inSeconds, labelled, stiffnessLabel } from "./units.js";
 
@@ -150,10 +150,10 @@ function stops(toggleStop, rebuild) {
     // With a stiffness, which time histories, ensembles and periodic motions take, there is a damping instead.
     const damping = numberField(labelled("Stop damping", "dashpot"), each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" });
     // Time histories and ensembles also take forces that grow with a power of the indentation, without loss.
-    const exponent = numberField("Exponent", each.exponent, set("exponent"), { pointer: `${at}/law/exponent`, min: 1, max: 64 });
+    const exponent = numberField("Exponent", each.exponent ?? SQUARE, set("exponent"), { pointer: `${at}/law/exponent`, min: 1, max: 64 });
     const law = choiceField("Law of its force", [["linear", "linear"], ["hertz", "Hertz"], ["power", "power"]], lawOf(each), (value) => {
-      each.exponent = value === "linear" ? null : value === "hertz" ? HERTZ : 2;
-      /** @type {HTMLInputElement} */ (exponent.querySelector("input")).value = String(each.exponent ?? "");
+      each.exponent = value === "linear" ? null : value === "hertz" ? HERTZ : SQUARE;
+      /** @type {HTMLInputElement} */ (exponent.querySelector("input")).value = String(each.exponent ?? SQUARE);
       choose();
       changed();
     }, { name: "law" });

@@ -32,6 +32,9 @@ export function stop(dof, lower, upper, restitution = 1, /** @type {number | nul
 /** Power of the indentation in the force between two curved surfaces. */
 export const HERTZ = 1.5;
 
+/** The power that is offered where another one is chosen. */
+export const SQUARE = 2;
+
 /** Degrees of freedom up to which matrices are entered entry by entry. */
 export const LARGEST = 8;
 
